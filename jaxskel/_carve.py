@@ -1,0 +1,137 @@
+"""Space carving (Sect. 3): silhouettes to visual hulls, jit-compiled, 32 frames to a machine word.
+
+Cameras and grid are static, so the pixel that each voxel falls on is looked up once and kept in a table. Bit f of a
+word belongs to frame f: one gather and one AND carve 32 frames. The words themselves are vmapped over.
+"""
+
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Int, UInt8, UInt32
+
+from ._camera import Cameras, project
+from ._grid import VoxelGrid
+from ._hull import VisualHulls
+
+FRAMES_PER_WORD = 32
+_ALL = np.uint32(0xFFFFFFFF)
+
+
+class ProjectionTable(eqx.Module):
+    """Which pixel each voxel centre falls on, for static cameras and a static grid."""
+
+    pixels: Int[Array, "cams voxels"]
+    """Index into the flattened image; one past its end where the camera does not see the voxel."""
+    observed: Bool[Array, " voxels"]
+    """Seen by enough cameras to be told from the background."""
+    grid: VoxelGrid
+
+
+def projection_table(
+    cameras: Cameras, grid: VoxelGrid, height: int, width: int, min_views: int = 2
+) -> ProjectionTable:
+    """Project every voxel centre of a grid into every camera, in float64.
+
+    A voxel falls on the pixel whose centre is nearest (halves round up). It is not seen by a camera that it lies
+    behind, or whose image it falls outside of.
+
+    Args:
+        cameras: The rig.
+        grid: The voxels.
+        height: Height of the stored silhouettes (px); the images of all cameras fit into it.
+        width: Width of the stored silhouettes (px), a multiple of 8.
+        min_views: A voxel seen by fewer cameras than this is never occupied: nothing bounds it.
+    """
+    pixels = np.full((len(cameras), grid.size), height * width, np.int32)
+    seen_by = np.zeros(grid.size, np.int32)
+    x, y, z = grid.axes()
+    plane = np.stack(np.meshgrid(y, z, indexing="ij"), -1).reshape(-1, 2)
+    slab = max(1, 200_000 // len(plane))
+    # Slab by slab, because all coordinates of a large grid at once would take gigabytes.
+    for start in range(0, len(x), slab):
+        part = x[start : start + slab]
+        points = np.empty((len(part), len(plane), 3))
+        points[..., 0], points[..., 1:] = part[:, None], plane
+        out = slice(start * len(plane), (start + len(part)) * len(plane))
+        for c in range(len(cameras)):
+            u, v, _ = (a[0] for a in project(cameras[[c]], points.reshape(-1, 3)))
+            u, v = np.floor(u + 0.5), np.floor(v + 0.5)
+            # NaN, where the camera sees nothing, compares false.
+            seen = (u >= 0) & (v >= 0) & (u < cameras.size[c, 0]) & (v < cameras.size[c, 1])
+            pixels[c, out][seen] = (v[seen] * width + u[seen]).astype(np.int32)
+            seen_by[out] += seen
+    return ProjectionTable(jnp.asarray(pixels), jnp.asarray(seen_by >= min_views), grid)
+
+
+@jax.jit
+def frame_words(
+    packed: UInt8[Array, "frames=32 cams h w8"], lost: Bool[Array, "frames=32 cams"]
+) -> UInt32[Array, "cams pixels"]:
+    """Turn the packed bits of 32 frames into one word a pixel, with one more word for "not seen".
+
+    A lost view is all ones in its frame, so it carves nothing.
+    """
+    bit = jnp.arange(FRAMES_PER_WORD, dtype=jnp.uint32)
+    lost_words = (lost.astype(jnp.uint32) << bit[:, None]).sum(0, dtype=jnp.uint32)
+    columns = []
+    for shift in range(7, -1, -1):
+        word = jnp.zeros(packed.shape[1:], jnp.uint32)
+        for f in range(FRAMES_PER_WORD):
+            word |= ((packed[f] >> shift) & 1).astype(jnp.uint32) << f
+        columns.append(word)
+    words = jnp.stack(columns, -1).reshape(packed.shape[1], -1) | lost_words[:, None]
+    return jnp.pad(words, ((0, 0), (0, 1)), constant_values=_ALL)
+
+
+@partial(jax.jit, static_argnames="max_misses")
+def carve_words(
+    words: UInt32[Array, "cams pixels"], table: ProjectionTable, max_misses: int = 0
+) -> UInt32[Array, " voxels"]:
+    """Carve 32 frames at once: a voxel stays where at most `max_misses` cameras see background at it."""
+    # misses[k] has the bits of the frames in which more than k cameras missed the voxel so far.
+    misses = [jnp.zeros(table.grid.size, jnp.uint32) for _ in range(max_misses + 1)]
+    for c in range(words.shape[0]):
+        miss = ~words[c].at[table.pixels[c]].get(mode="promise_in_bounds")
+        for k in range(max_misses, 0, -1):
+            misses[k] |= misses[k - 1] & miss
+        misses[0] |= miss
+    return jnp.where(table.observed, ~misses[max_misses], jnp.uint32(0))
+
+
+def carve(
+    silhouettes: UInt8[np.ndarray, "frames cams h w8"],
+    table: ProjectionTable,
+    lost: Bool[np.ndarray, "frames cams"] | None = None,
+    max_misses: int = 0,
+) -> VisualHulls:
+    """Carve the visual hulls of some frames.
+
+    Args:
+        silhouettes: Packed bits, 1 = person.
+        table: From [`projection_table`][] for these cameras and image sizes.
+        lost: Views that carve nothing in a frame, such as a black one.
+        max_misses: k-of-n voting: a voxel stays while at most this many of the cameras that see it miss it.
+
+    Returns:
+        The occupied voxels of every frame.
+    """
+    frames, cams = silhouettes.shape[:2]
+    lost = np.zeros((frames, cams), bool) if lost is None else lost
+    words = []
+    for start in range(0, frames, FRAMES_PER_WORD):
+        part, gone = silhouettes[start : start + FRAMES_PER_WORD], lost[start : start + FRAMES_PER_WORD]
+        # A full word always, so that a shorter last batch does not compile again.
+        missing = FRAMES_PER_WORD - len(part)
+        part = np.pad(part, ((0, missing), (0, 0), (0, 0), (0, 0)))
+        gone = np.pad(gone, ((0, missing), (0, 0)))
+        words.append(np.asarray(carve_words(frame_words(part, gone), table, max_misses)))
+    occupied = np.flatnonzero(words[0]) if len(words) == 1 else np.flatnonzero(np.bitwise_or.reduce(words))
+    inside = np.empty((frames, len(occupied)), bool)
+    for f in range(frames):
+        inside[f] = (words[f // FRAMES_PER_WORD][occupied] >> np.uint32(f % FRAMES_PER_WORD)) & 1
+    any_frame = inside.any(0)  # the bits of the padding frames are no one's
+    voxels = np.stack(np.unravel_index(occupied[any_frame], table.grid.shape), -1).astype(np.int32)
+    return VisualHulls(voxels, inside[:, any_frame], table.grid)

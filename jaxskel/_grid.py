@@ -1,0 +1,68 @@
+"""The voxel grid: where it lies and how it places itself around what the silhouettes show."""
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Array, Float
+
+# A grid of more voxels than this would need gigabytes for its projection table.
+MAX_VOXELS = 60_000_000
+
+
+class VoxelGrid(eqx.Module):
+    """An axis-aligned grid of cubic voxels."""
+
+    origin: Float[Array | np.ndarray, "3"]
+    """Lower corner of the first voxel in the world (m)."""
+    spacing: float
+    """Edge length of a voxel (m)."""
+    shape: tuple[int, int, int] = eqx.field(static=True)
+    """Number of voxels along x, y and z."""
+
+    @property
+    def size(self) -> int:
+        """Number of voxels."""
+        return int(np.prod(self.shape))
+
+    @property
+    def upper(self) -> Float[np.ndarray, "3"]:
+        """Upper corner of the last voxel in the world (m)."""
+        return np.asarray(self.origin) + np.array(self.shape) * self.spacing
+
+    def axes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Coordinates of the voxel centres along x, y and z (m)."""
+        x, y, z = (
+            float(low) + self.spacing * (np.arange(n) + 0.5)
+            for low, n in zip(np.asarray(self.origin), self.shape, strict=True)
+        )
+        return x, y, z
+
+    def centres(self) -> Float[np.ndarray, "voxels 3"]:
+        """Voxel centres in the world (m), the last axis fastest."""
+        return np.stack(np.meshgrid(*self.axes(), indexing="ij"), -1).reshape(-1, 3)
+
+
+def make_grid(lower: np.ndarray, upper: np.ndarray, spacing: float) -> VoxelGrid:
+    """The smallest grid that covers a box, its planes at whole multiples of the spacing.
+
+    Args:
+        lower: Lower corner of the box (m).
+        upper: Upper corner of the box (m).
+        spacing: Edge length of a voxel (m).
+
+    Raises:
+        ValueError: The spacing or the box make no grid, or one that does not fit into memory.
+    """
+    lower, upper = np.asarray(lower, np.float64), np.asarray(upper, np.float64)
+    if not 1e-3 <= spacing <= 1.0:
+        raise ValueError(f"voxel spacing {spacing} m: give metres between 0.001 and 1, 0.015 is the usual choice")
+    if not (np.isfinite(lower).all() and np.isfinite(upper).all() and (upper > lower).all()):
+        raise ValueError(f"the box from {lower} to {upper} is empty or not finite")
+    first = np.floor(lower / spacing + 1e-9)
+    cells = np.maximum(np.ceil(upper / spacing - 1e-9) - first, 1)
+    if np.prod(cells) > MAX_VOXELS:
+        raise ValueError(
+            f"a grid of {np.prod(cells) / 1e6:.0f} million voxels of {1e3 * spacing:.0f} mm is needed to cover "
+            f"{np.round(upper - lower, 2)} m: take a coarser spacing or give a smaller box"
+        )
+    x, y, z = (int(c) for c in cells)
+    return VoxelGrid(origin=first * spacing, spacing=float(spacing), shape=(x, y, z))

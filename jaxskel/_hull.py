@@ -1,0 +1,42 @@
+"""Visual hulls of a batch of frames, stored sparsely: the door between carving (JAX) and the graph (NumPy)."""
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ._grid import VoxelGrid
+
+
+class VisualHulls(eqx.Module):
+    """Occupied voxels of some frames. Voxels that are empty in every frame are not stored."""
+
+    voxels: Int[np.ndarray, "voxels 3"]
+    """Grid indices (x, y, z) of every voxel that is occupied in some frame, in the grid's order."""
+    inside: Bool[np.ndarray, "frames voxels"]
+    """Whether a voxel is occupied in a frame."""
+    grid: VoxelGrid
+
+    def __len__(self) -> int:
+        return len(self.inside)
+
+    @property
+    def centres(self) -> Float[np.ndarray, "voxels 3"]:
+        """Voxel centres in the world (m)."""
+        return np.asarray(self.grid.origin) + self.grid.spacing * (self.voxels + 0.5)
+
+    @property
+    def volumes(self) -> Float[np.ndarray, " frames"]:
+        """Volume of each hull (m^3)."""
+        return self.inside.sum(1) * self.grid.spacing**3
+
+    def dense(self, frame: int) -> Bool[np.ndarray, "x y z"]:
+        """Occupancy of one frame on the whole grid."""
+        occupancy = np.zeros(self.grid.shape, bool)
+        occupancy[tuple(self.voxels[self.inside[frame]].T)] = True
+        return occupancy
+
+
+def hulls_from_dense(occupancy: Bool[np.ndarray, "frames x y z"], grid: VoxelGrid) -> VisualHulls:
+    """Store dense occupancy, one volume a frame, as `VisualHulls`."""
+    voxels = np.argwhere(occupancy.any(0)).astype(np.int32)
+    return VisualHulls(voxels, occupancy[:, voxels[:, 0], voxels[:, 1], voxels[:, 2]], grid)

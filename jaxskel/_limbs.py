@@ -1,0 +1,97 @@
+"""Labelled limbs of a batch of graphs: inner nodes (Eq. 5, 6) and the paths from the head to every end node."""
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ._descriptors import EndNodes, template_geodesics
+from ._graph import SkeletalGraph
+from ._match import Matches
+from ._skeleton import JOINT_NAMES, Skeleton
+
+PATH_POINTS = 32
+HEAD, L_HAND, R_HAND, L_FOOT, R_FOOT = range(5)
+
+END_NODE_REACH = 0.65
+"""Where between the last joint (0) and the tip (1) an end node comes to lie: scooping moves a node only part of the
+way to its cluster's centroid, so the last one stops short of the surface by about the radius of the tip."""
+
+PAPER_DESCRIPTOR = (HEAD, L_HAND, R_HAND, L_FOOT, R_FOOT)
+"""The end nodes that describe neck and pelvis in Eq. 5."""
+HANDLESS_DESCRIPTOR = (HEAD, L_FOOT, R_FOOT)
+"""Eq. 5 without the hands: an arm that touches the trunk shortens its geodesics and drags the pelvis along."""
+
+
+class Limbs(eqx.Module):
+    """The labelled skeletal graph of some frames (Fig. 2b): five end nodes, two inner nodes, five paths."""
+
+    paths: Float[np.ndarray, "frames labels=5 points 3"]
+    """From the root to the head, left and right hand, left and right foot, evenly spaced along the graph (m)."""
+    lengths: Float[np.ndarray, "frames labels=5"]
+    """Length of each path (m)."""
+    found: Bool[np.ndarray, "frames labels=5"]
+    """Whether an end node was found for this label."""
+    neck: Float[np.ndarray, "frames 3"]
+    pelvis: Float[np.ndarray, "frames 3"]
+
+    @property
+    def ends(self) -> Float[np.ndarray, "frames labels=5 3"]:
+        """The labelled end nodes (m)."""
+        return self.paths[:, :, -1]
+
+    def at(self, label: int, distance: float) -> Float[np.ndarray, "frames 3"]:
+        """The point of a path at some distance from its end node, measured along the graph (m)."""
+        length = self.lengths[:, label]
+        step = (PATH_POINTS - 1) * np.clip(1 - distance / np.maximum(length, 1e-9), 0, 1)
+        low = np.minimum(step.astype(int), PATH_POINTS - 2)
+        part = (step - low)[:, None]
+        frames = np.arange(len(length))
+        return (1 - part) * self.paths[frames, label, low] + part * self.paths[frames, label, low + 1]
+
+    def exchanged(self, hands: Bool[np.ndarray, " frames"], feet: Bool[np.ndarray, " frames"]) -> "Limbs":
+        """Exchange left and right of the marked frames."""
+        order = np.tile(np.arange(5), (len(hands), 1))
+        order[hands, 1:3] = (2, 1)
+        order[feet, 3:5] = (4, 3)
+        rows = np.arange(len(hands))[:, None]
+        return Limbs(
+            self.paths[rows, order], self.lengths[rows, order], self.found[rows, order], self.neck, self.pelvis
+        )
+
+
+def label_limbs(
+    graphs: Sequence[SkeletalGraph],
+    ends: EndNodes,
+    matches: Matches,
+    skeleton: Skeleton,
+    descriptor: tuple[int, ...] = HANDLESS_DESCRIPTOR,
+) -> Limbs:
+    """Find neck and pelvis in each graph and follow its labelled limbs.
+
+    The inner nodes are those whose geodesic distances to the labelled end nodes come closest to the template's
+    (Eq. 5 and 6), over those labels of `descriptor` that were found.
+    """
+    count = len(graphs)
+    template = template_geodesics(skeleton)
+    neck_descriptor, pelvis_descriptor = (template[JOINT_NAMES.index(name)] for name in ("neck", "pelvis"))
+    paths = np.zeros((count, 5, PATH_POINTS, 3))
+    lengths = np.zeros((count, 5))
+    neck, pelvis = np.zeros((count, 3)), np.zeros((count, 3))
+    found = matches.ends >= 0
+    for f, graph in enumerate(graphs):
+        labels = np.flatnonzero(found[f])
+        nodes = ends.nodes[f, matches.ends[f, labels]]
+        used = np.isin(labels, descriptor)
+        here = graph.geodesics(nodes[used])  # F_G(v) of every node v
+        for there, target in ((neck_descriptor, neck), (pelvis_descriptor, pelvis)):
+            target[f] = graph.positions[np.argmin(((here - there[labels[used]]) ** 2).sum(1))]
+        depths = graph.depths
+        for label, node in zip(labels, nodes, strict=True):
+            path = graph.path_to_root(node)[::-1]
+            lengths[f, label] = depths[node]
+            where = np.linspace(0, depths[node], PATH_POINTS)
+            for axis in range(3):
+                paths[f, label, :, axis] = np.interp(where, depths[path], graph.positions[path, axis])
+    return Limbs(paths, lengths, found, neck, pelvis)

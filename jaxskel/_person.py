@@ -1,0 +1,81 @@
+"""The person in a hull: one connected body, all of it inside the observed volume, rooted at the top of the head."""
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Bool, Int
+from scipy import ndimage
+
+from ._hull import VisualHulls
+from ._poses import Status
+
+_LEAST_PERSON = 0.008  # a smaller hull is no person (m^3)
+_RIVAL_SHARE = 0.3  # a second body has at least this share of the largest one's volume
+_EDGE_VOXELS = 12  # so many voxels of the body at the edge of the observed volume: it goes on outside
+
+
+class People(eqx.Module):
+    """The person of each frame."""
+
+    hulls: VisualHulls
+    """Hulls without what does not belong to the person; empty where there is none."""
+    roots: Int[np.ndarray, " frames"]
+    """Index of the highest voxel of each person in ``hulls.voxels``; 0 where there is none."""
+    status: Int[np.ndarray, " frames"]
+    """`Status.OK`, or why there is no person."""
+
+
+def observed_edge(observed: Bool[np.ndarray, "x y z"]) -> Bool[np.ndarray, "x y z"]:
+    """Observed voxels with an unobserved neighbour, the outside of the grid included."""
+    return observed & ~ndimage.binary_erosion(observed, border_value=0)
+
+
+def find_people(hulls: VisualHulls, edge: Bool[np.ndarray, "x y z"]) -> People:
+    """Keep the largest connected body of each hull and find the top of its head.
+
+    The paper takes the highest voxel for the top of the head; of several equally high ones, the one nearest to their
+    middle.
+
+    Args:
+        hulls: As carved, z up.
+        edge: From [`observed_edge`][], on the hulls' grid.
+    """
+    count = len(hulls)
+    inside = hulls.inside.copy()
+    roots, status = np.zeros(count, np.int64), np.full(count, int(Status.OK))
+    at_edge = edge[tuple(hulls.voxels.T)]
+    for f in range(count):
+        own = np.flatnonzero(inside[f])
+        labels, sizes = _bodies(hulls.voxels[own])
+        status[f] = _judge(sizes * hulls.grid.spacing**3)
+        if status[f] == Status.OK:
+            own = own[labels == 1 + np.argmax(sizes)]
+            if at_edge[own].sum() >= _EDGE_VOXELS:
+                status[f] = Status.PARTLY_OUTSIDE
+        inside[f] = False
+        if status[f] == Status.OK:
+            inside[f, own] = True
+            top = own[hulls.voxels[own, 2] == hulls.voxels[own, 2].max()]
+            places = hulls.voxels[top]
+            roots[f] = top[np.argmin(((places - places.mean(0)) ** 2).sum(1))]
+    return People(VisualHulls(hulls.voxels, inside, hulls.grid), roots, status)
+
+
+def _bodies(voxels: Int[np.ndarray, "n 3"]) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " bodies"]]:
+    """Label the connected bodies among some voxels, from 1, and count the voxels of each."""
+    if len(voxels) == 0:
+        return np.zeros(0, int), np.zeros(0, int)
+    low = voxels.min(0)
+    box = np.zeros(voxels.max(0) - low + 1, bool)
+    where = tuple((voxels - low).T)
+    box[where] = True
+    labels = ndimage.label(box, np.ones((3, 3, 3)))[0][where]
+    return labels, np.bincount(labels)[1:]
+
+
+def _judge(volumes: np.ndarray) -> Status:
+    if len(volumes) == 0 or volumes.max() < _LEAST_PERSON:
+        return Status.NO_HULL
+    ordered = np.sort(volumes)[::-1]
+    if len(ordered) > 1 and ordered[1] >= max(_LEAST_PERSON, _RIVAL_SHARE * ordered[0]):
+        return Status.SEVERAL_PEOPLE
+    return Status.OK

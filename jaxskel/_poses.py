@@ -1,0 +1,82 @@
+"""The result of a reconstruction: poses with a status and a confidence for every frame."""
+
+from collections.abc import Iterable
+from enum import IntEnum
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+
+class Status(IntEnum):
+    """What became of a frame. A frame has a pose in the first three cases only."""
+
+    OK = 0
+    VIEW_LOST = 1
+    """A pose from fewer views: at least one silhouette is empty while the others show a person."""
+    NOT_CONVERGED = 2
+    """A pose, but the refinement used up its steps while it still improved."""
+    EMPTY = 3
+    """No person in any view."""
+    TOO_FEW_VIEWS = 4
+    """A person in too few views for a visual hull."""
+    NO_HULL = 5
+    """The silhouettes have no common volume of a person's size: they contradict each other or the calibration."""
+    SEVERAL_PEOPLE = 6
+    """More than one body in the hull."""
+    PARTLY_OUTSIDE = 7
+    """The body reaches over the edge of the volume that enough cameras see, or of the voxel grid."""
+    NO_MATCH = 8
+    """The skeletal graph has no head, hands and feet of a person with these dimensions."""
+    FAILED = 9
+    """The refinement broke down (not a finite pose)."""
+
+
+STATUS_NAMES = tuple(status.name.lower() for status in Status)
+WITH_POSE = (Status.OK, Status.VIEW_LOST, Status.NOT_CONVERGED)
+
+
+class Poses(eqx.Module):
+    """Poses of a recording, frame by frame, in the recording's world."""
+
+    joints: Float[np.ndarray, "frames joints=15 3"]
+    """Joints (m); NaN in a frame without a pose."""
+    tips: Float[np.ndarray, "frames tips=5 3"]
+    """Limb tips (m); NaN in a frame without a pose."""
+    confidence: Float[np.ndarray, "frames joints=15"]
+    """0..1 for each joint; 0 in a frame without a pose."""
+    side_confidence: Float[np.ndarray, " frames"]
+    """0..1: how surely left and right are told apart in this frame; 0.5 means not at all."""
+    status: Int[np.ndarray, " frames"]
+    """A `Status` for each frame."""
+    fps: float
+    up: str
+    frame_index: Int[np.ndarray, " frames"]
+
+    def __len__(self) -> int:
+        return len(self.joints)
+
+    @property
+    def has_pose(self) -> Bool[np.ndarray, " frames"]:
+        """Which frames have a pose."""
+        return np.isin(self.status, WITH_POSE)
+
+    def counts(self) -> dict[str, int]:
+        """Number of frames of each status that occurs, by name."""
+        return {name: int((self.status == i).sum()) for i, name in enumerate(STATUS_NAMES) if (self.status == i).any()}
+
+
+def join_poses(parts: Iterable[Poses]) -> Poses:
+    """Put consecutive parts of one recording together."""
+    parts = list(parts)
+    if not parts:
+        raise ValueError("join_poses: no parts given")
+
+    def joined(field: str) -> np.ndarray:
+        return np.concatenate([getattr(part, field) for part in parts])
+
+    return Poses(
+        joints=joined("joints"), tips=joined("tips"), confidence=joined("confidence"),
+        side_confidence=joined("side_confidence"), status=joined("status"), fps=parts[0].fps, up=parts[0].up,
+        frame_index=joined("frame_index"),
+    )  # fmt: skip

@@ -1,0 +1,105 @@
+"""Refinement (Sect. 3.3): a constrained least squares for each frame, solved by Optimistix, vmapped over frames."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import lineax as lx
+import optimistix as optx
+from jaxtyping import Array, Bool, Float, Int
+
+from ._skeleton import Pose, Skeleton
+from .parametrisations import Parametrisation
+from .terms import Objective, Observed, place
+
+
+class Refined(eqx.Module):
+    """Refined poses of some frames, with what each term still costs and how the solver ended."""
+
+    pose: Pose
+    joints: Float[Array, "frames joints=15 3"]
+    """(m)"""
+    tips: Float[Array, "frames tips=5 3"]
+    """(m)"""
+    costs: dict[str, Float[Array, " frames"]]
+    """Weighted squared norm of each term's residual, by name."""
+    converged: Bool[Array, " frames"]
+    """The last solve met the solver's tolerances within its steps."""
+    finite: Bool[Array, " frames"]
+    """The pose is a number; where it is not, the initial pose is given back."""
+    steps: Int[Array, " frames"]
+    """Solver steps of the last solve."""
+
+
+def default_solver() -> optx.AbstractLeastSquaresSolver:
+    """Levenberg-Marquardt on the normal equations, to a millimetre or milliradian."""
+    return optx.LevenbergMarquardt(rtol=1e-2, atol=1e-3, linear_solver=lx.Normal(lx.Cholesky()))
+
+
+def refine_frame(
+    objective: Objective,
+    parametrisation: Parametrisation,
+    solver: optx.AbstractLeastSquaresSolver,
+    skeleton: Skeleton,
+    initial: Pose,
+    observed: Observed,
+    rounds: int = 3,
+    max_steps: int = 24,
+) -> Refined:
+    """Refine the pose of one frame. See [`refine_frames`][]; the arrays have no frames axis here."""
+
+    def residuals(unknowns: Float[Array, " unknowns"], args: Any) -> dict[str, Array]:
+        base, fixed = args
+        return objective.residuals(place(skeleton, parametrisation.pose(unknowns, base, skeleton)), observed, fixed)
+
+    # Correspondences are looked up between solves: an argmin inside the residual keeps the solver from converging.
+    def one_round(base: Pose, _: None) -> tuple[Pose, tuple[Array, Array]]:
+        fixed = objective.correspond(place(skeleton, base), observed)
+        solution = optx.least_squares(
+            residuals, solver, parametrisation.unknowns(), args=(base, fixed), max_steps=max_steps, throw=False
+        )
+        pose = parametrisation.pose(solution.value, base, skeleton)
+        return pose, (solution.result == optx.RESULTS.successful, solution.stats["num_steps"])
+
+    start = jax.tree.map(jnp.asarray, initial)
+    pose, (converged, steps) = jax.lax.scan(one_round, start, None, length=rounds)
+    finite = jnp.isfinite(pose.root).all() & jnp.isfinite(pose.rotations).all()
+    pose = jax.tree.map(lambda new, old: jnp.where(finite, new, old), pose, start)
+    body = place(skeleton, pose)
+    left = objective.residuals(body, observed, objective.correspond(body, observed))
+    costs = {name: (residual**2).sum() for name, residual in left.items()}
+    return Refined(pose, body.joints, body.tips, costs, converged[-1] & finite, finite, steps[-1])
+
+
+@eqx.filter_jit
+def refine_frames(
+    objective: Objective,
+    parametrisation: Parametrisation,
+    solver: optx.AbstractLeastSquaresSolver,
+    skeleton: Skeleton,
+    initial: Pose,
+    observed: Observed,
+    rounds: int = 3,
+    max_steps: int = 24,
+) -> Refined:
+    """Refine the poses of a batch of frames, each by itself.
+
+    Args:
+        objective: Weighted terms; any Module with the same methods will do.
+        parametrisation: How a pose is written as unknowns.
+        solver: Any Optimistix least squares solver.
+        skeleton: Template.
+        initial: Poses to start from, with a leading frames axis.
+        observed: What was measured, with a leading frames axis.
+        rounds: How often correspondences are looked up again.
+        max_steps: Steps of the solver in each round.
+
+    Returns:
+        Poses, costs by term and the solver's outcome for every frame. A frame that fails does not harm the others.
+    """
+    return jax.vmap(
+        lambda pose, frame: refine_frame(
+            objective, parametrisation, solver, skeleton, pose, frame, rounds, max_steps
+        )
+    )(initial, observed)

@@ -1,0 +1,38 @@
+"""Which views of a frame show a person at all."""
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
+
+from ._camera import Cameras
+
+# A person covers at least this share of an image; less is noise.
+_LEAST_SHARE = 5e-4
+# A view with less than this share of the frame's median silhouette has lost the person.
+_LEAST_OF_MEDIAN = 0.05
+# Fewer silhouettes do not bound a volume.
+MIN_VIEWS = 3
+
+
+def silhouette_areas(silhouettes: UInt8[np.ndarray, "frames cams h w8"]) -> Int[np.ndarray, "frames cams"]:
+    """Number of person pixels in every view."""
+    return np.bitwise_count(silhouettes).sum((2, 3), dtype=np.int64)
+
+
+def lost_views(areas: Int[np.ndarray, "frames cams"], cameras: Cameras) -> Bool[np.ndarray, "frames cams"]:
+    """Views without a person: black ones and those with specks only."""
+    floor = _LEAST_SHARE * cameras.size.prod(1)
+    typical = np.nanmedian(np.where(areas >= floor, areas, np.nan), axis=1) if areas.size else np.zeros(0)
+    return (areas < floor) | (areas < _LEAST_OF_MEDIAN * np.nan_to_num(typical)[:, None])
+
+
+def silhouette_centroids(
+    silhouettes: UInt8[np.ndarray, "frames cams h w8"],
+) -> Float[np.ndarray, "frames cams 2"]:
+    """Centroid (u, v) of every silhouette (px), to four pixels in u; NaN in a black view."""
+    counts = np.bitwise_count(silhouettes).astype(np.int64)
+    rows, columns = counts.sum(3), counts.sum(2)
+    area = rows.sum(2)
+    with np.errstate(invalid="ignore"):
+        u = (columns * (8 * np.arange(columns.shape[2]) + 3.5)).sum(2) / np.where(area > 0, area, np.nan)
+        v = (rows * np.arange(rows.shape[2])).sum(2) / np.where(area > 0, area, np.nan)
+    return np.stack([u, v], -1)

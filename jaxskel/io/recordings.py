@@ -1,0 +1,360 @@
+"""Recordings on disk: the sequence file, a NumPy `.npz` archive.
+
+A file may come from anywhere, so its claims are checked against its bytes before memory is taken for them,
+pickled objects are never read, and every fault is a `ValueError` of one line that names file and key and how
+to mend it.
+"""
+
+import math
+import os
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from .._camera import Cameras, make_cameras
+from .._recording import UP_AXES, Recording, Truth
+from .._skeleton import JOINT_NAMES, TIP_NAMES, Skeleton, make_skeleton
+
+_MAX_BYTES = 16 * 2**30
+# Deflate cannot shrink data further than this; a member that claims more lies about its size.
+_MAX_DEFLATE_RATIO = 1032
+# No length (m), focal length (px) or lens coefficient comes near this; refusing it keeps later squares
+# finite.
+_MAX_NUMBER = 1e9
+# A person with arms stretched spans less than this (m); truth in millimetres spans a thousand times more.
+_WIDEST_PERSON = 5.0
+
+
+def read_recording(path: str | Path) -> Recording:
+    """Read a sequence file.
+
+    Keys: `silhouettes` (frames, cams, h, w/8) packed bits or (frames, cams, h, w) masks of 0 and 1 or 255;
+    `K`, `R`, `t` (m), `size` (px), `fps`; optional `up` ("+Z" if missing), `dist`, `camera_names`,
+    `frame_index`, the subject's `rest_joints` and `rest_tips` (m), the ground truth `joints` and `tips` (m,
+    NaN where unknown). Others are ignored.
+
+    Raises:
+        ValueError: One line that names the file, the key and how to mend it.
+    """
+    path = Path(path)
+    arrays = read_arrays(
+        path,
+        required=("silhouettes", "K", "R", "t", "size", "fps"),
+        optional=("up", "dist", "camera_names", "frame_index", "rest_joints", "rest_tips", "joints", "tips",
+                  "joint_names", "tip_names"),
+    )  # fmt: skip
+    check_names(path, arrays, "joint_names", JOINT_NAMES)
+    check_names(path, arrays, "tip_names", TIP_NAMES)
+    cameras = _cameras(path, arrays)
+    silhouettes = _silhouettes(path, arrays["silhouettes"], cameras)
+    frames = len(silhouettes)
+    return Recording(
+        cameras=cameras,
+        silhouettes=silhouettes,
+        fps=frame_rate(path, arrays),
+        up=up_axis(path, arrays),
+        frame_index=frame_numbers(path, arrays, frames),
+        skeleton=_skeleton(path, arrays),
+        truth=truth(path, arrays, frames),
+        name=path.stem,
+    )
+
+
+def write_recording(path: str | Path, recording: Recording) -> None:
+    """Write a sequence file for [`read_recording`][]; a broken-off write leaves no file behind."""
+    cameras, skeleton, truth = recording.cameras, recording.skeleton, recording.truth
+    arrays: dict[str, Any] = {
+        "silhouettes": recording.silhouettes, "K": cameras.K, "R": cameras.R, "t": cameras.t,
+        "size": cameras.size[0] if (cameras.size == cameras.size[0]).all() else cameras.size,
+        "dist": cameras.dist, "camera_names": cameras.names,
+        "fps": recording.fps, "up": recording.up, "frame_index": recording.frame_index,
+        "joint_names": JOINT_NAMES, "tip_names": TIP_NAMES,
+    }  # fmt: skip
+    if skeleton is not None:
+        arrays |= {"rest_joints": skeleton.rest_joints, "rest_tips": skeleton.rest_tips}
+    if truth is not None:
+        arrays |= {"joints": truth.joints} | ({} if truth.tips is None else {"tips": truth.tips})
+    with written_whole(Path(path)) as file:
+        np.savez_compressed(file, **arrays)
+
+
+def _cameras(path: Path, arrays: dict[str, np.ndarray]) -> Cameras:
+    K = numbers(path, arrays, "K", (None, 3, 3))
+    n = len(K)
+    if n < 2:
+        raise fault(path, "K", f"{n} camera; a visual hull needs at least 2 calibrated views")
+    names = [f"cam{i}" for i in range(n)]
+    if "camera_names" in arrays:
+        names = texts(path, arrays, "camera_names")
+        if len(names) != n or len(set(names)) != n:
+            raise fault(
+                path, "camera_names", f"give {n} different names, one for each camera of K, not {names}"
+            )
+    # One key at a time beside harmless others, so that the key at fault is known.
+    given = {"K": K, "R": np.tile(np.eye(3), (n, 1, 1)), "t": np.zeros((n, 3)), "size": (1, 1)}
+    cameras = None
+    for key in ("K", "R", "t", "size", "dist"):
+        if key in arrays:
+            given[key] = numbers(path, arrays, key, None)
+            try:
+                cameras = make_cameras(**given, names=names)
+            except ValueError as error:
+                raise fault(path, key, str(error)) from None
+    assert cameras is not None
+    return cameras
+
+
+def _silhouettes(path: Path, masks: np.ndarray, cameras: Cameras) -> np.ndarray:
+    if masks.ndim != 4 or masks.dtype not in (np.uint8, np.bool_):
+        raise fault(
+            path, "silhouettes", f"{masks.dtype} of shape {masks.shape}; give uint8 (frames, cams, h, w/8)"
+        )
+    frames, cams, height, across = masks.shape
+    width, tallest = (int(n) for n in cameras.size.max(axis=0))
+    if frames == 0:
+        raise fault(path, "silhouettes", "no frames; record at least one")
+    if cams != len(cameras):
+        raise fault(path, "silhouettes", f"{cams} cameras but K holds {len(cameras)}; give one view a camera")
+    packed_width = -(-width // 8)
+    if height != tallest or across not in (packed_width, width) or (masks.dtype == bool and across != width):
+        raise fault(
+            path,
+            "silhouettes",
+            f"masks of {height} rows by {across} do not fit size {width} x {tallest}; give {tallest} rows by "
+            f"{packed_width} bytes (numpy.packbits over the width) or by {width} pixels",
+        )
+    if across == packed_width and masks.dtype == np.uint8:
+        packed = masks
+    else:
+        if masks.dtype == np.uint8 and ((masks > 1) & (masks < 255)).any():
+            raise fault(
+                path, "silhouettes", "unpacked masks hold values between 1 and 255; threshold them first"
+            )
+        packed = np.packbits(masks != 0, axis=-1)
+    for camera, (w, h) in enumerate(cameras.size.tolist()):
+        view = packed[:, camera]
+        split = view[:, :, w // 8] & (0xFF >> w % 8) if w % 8 else view[:, :, :0]
+        if split.any() or view[:, :, -(-w // 8) :].any() or view[:, h:].any():
+            raise fault(
+                path,
+                "silhouettes",
+                f"camera {cameras.names[camera]} has person bits outside of its {w} x {h} image; "
+                "correct size, or pack with numpy.packbits in its usual bit order",
+            )
+    return packed
+
+
+def _skeleton(path: Path, arrays: dict[str, np.ndarray]) -> Skeleton | None:
+    given = [key for key in ("rest_joints", "rest_tips") if key in arrays]
+    if not given:
+        return None
+    if len(given) == 1:
+        missing = "rest_tips" if given[0] == "rest_joints" else "rest_joints"
+        raise fault(path, given[0], f"comes without {missing}; give both or neither")
+    joints = numbers(path, arrays, "rest_joints", (15, 3))
+    tips = numbers(path, arrays, "rest_tips", (5, 3))
+    try:
+        return make_skeleton(joints, tips)
+    except ValueError as error:
+        raise fault(path, "rest_joints", str(error)) from None
+
+
+def truth(path: Path, arrays: dict[str, np.ndarray], frames: int | None) -> Truth | None:
+    """Check the ground truth of a file (m); NaN stands where it is unknown."""
+    if "joints" not in arrays:
+        if "tips" in arrays:
+            raise fault(path, "tips", "comes without joints; give both or neither")
+        return None
+    joints = numbers(path, arrays, "joints", (frames, 15, 3), nan=True)
+    tips = numbers(path, arrays, "tips", (len(joints), 5, 3), nan=True) if "tips" in arrays else None
+    together = (
+        {"joints": joints} if tips is None else {"joints": joints, "tips": np.concatenate([joints, tips], 1)}
+    )
+    for key, points in together.items():
+        # fmax and fmin step over NaN without a warning.
+        extent = (np.fmax.reduce(points, axis=1) - np.fmin.reduce(points, axis=1)).max(axis=1)
+        if (extent > _WIDEST_PERSON).any():
+            frame = int(np.argmax(extent > _WIDEST_PERSON))
+            raise fault(
+                path,
+                key,
+                f"the person spans {extent[frame]:.0f} m in frame {frame}; lengths are metres, so divide by "
+                "1000 if these are millimetres",
+            )
+    return Truth(joints, tips)
+
+
+def frame_rate(path: Path, arrays: dict[str, np.ndarray]) -> float:
+    """Check `fps`."""
+    fps = arrays["fps"]
+    if fps.size != 1 or fps.dtype.kind not in "iuf" or not 0 < float(fps.reshape(())) < np.inf:
+        raise fault(path, "fps", f"give one positive number of frames per second, not {_short(fps)}")
+    return float(fps.reshape(()))
+
+
+def up_axis(path: Path, arrays: dict[str, np.ndarray]) -> str:
+    """Check `up`, "+Z" where it is missing."""
+    up = texts(path, arrays, "up") if "up" in arrays else ["+Z"]
+    if len(up) != 1 or up[0] not in UP_AXES:
+        raise fault(path, "up", f"give one of {', '.join(UP_AXES)}, not {_short(arrays['up'])}")
+    return up[0]
+
+
+def frame_numbers(path: Path, arrays: dict[str, np.ndarray], frames: int) -> np.ndarray:
+    """Check `frame_index`, 0, 1, 2, ... where it is missing."""
+    index = arrays.get("frame_index", np.arange(frames))
+    if index.shape != (frames,) or index.dtype.kind not in "iu":
+        raise fault(path, "frame_index", f"{index.dtype} of shape {index.shape}; give {frames} whole numbers")
+    if (index.dtype.itemsize == 8) and (index > np.iinfo(np.int64).max).any():
+        raise fault(path, "frame_index", "holds numbers beyond 63 bits; number the frames from 0")
+    return index.astype(np.int64)
+
+
+def check_names(path: Path, arrays: dict[str, np.ndarray], key: str, names: tuple[str, ...]) -> None:
+    """Refuse a file whose joints are listed in another order; a file that does not say is trusted."""
+    if key in arrays and tuple(texts(path, arrays, key)) != names:
+        raise fault(path, key, f"reorder the file to {', '.join(names)}")
+
+
+def texts(path: Path, arrays: dict[str, np.ndarray], key: str) -> list[str]:
+    """The strings of an array of at most one dimension."""
+    array = arrays[key]
+    try:
+        if array.dtype.kind == "U" and array.ndim <= 1:
+            return [str(text) for text in array.reshape(-1)]
+    except ValueError:  # not a Unicode code point
+        pass
+    raise fault(path, key, f"{array.dtype} of shape {array.shape}; give text")
+
+
+def numbers(
+    path: Path,
+    arrays: dict[str, np.ndarray],
+    key: str,
+    shape: tuple[int | None, ...] | None,
+    nan: bool = False,
+) -> np.ndarray:
+    """The real numbers of an array of the given shape (None: any), in float64."""
+    array = arrays[key]
+    if array.dtype.kind not in "iuf":
+        raise fault(path, key, f"holds {array.dtype}; give numbers")
+    fits = shape is None or (
+        array.ndim == len(shape) and all(b in (None, a) for a, b in zip(array.shape, shape, strict=True))
+    )
+    if not fits:
+        wanted = ", ".join("any" if n is None else str(n) for n in shape or ())
+        raise fault(path, key, f"has shape {array.shape}; give ({wanted})")
+    # A wider float may overflow and a signalling NaN raise a flag; both are refused below.
+    with np.errstate(over="ignore", invalid="ignore"):
+        array = array.astype(np.float64)
+    bad = ~(np.abs(array) < _MAX_NUMBER) & ~(nan & np.isnan(array))
+    if bad.any():
+        where = tuple(int(i) for i in np.argwhere(bad)[0])
+        raise fault(
+            path, key, f"holds {array[where]} at index {where}; give finite numbers in metres or pixels"
+        )
+    return array
+
+
+def fault(path: Path, key: str | None, message: str) -> ValueError:
+    """The one line for a fault of a file, whatever line breaks its names and texts hold."""
+    place = f"{path}: " if key is None else f"{path}: key {key!r}: "
+    return ValueError(" ".join((place + message).split()))
+
+
+def _short(array: np.ndarray) -> str:
+    return repr(array.reshape(()).item()) if array.size == 1 else f"{array.dtype} of shape {array.shape}"
+
+
+def read_arrays(path: Path, required: tuple[str, ...], optional: tuple[str, ...]) -> dict[str, np.ndarray]:
+    """Read the named arrays of an `.npz` archive, checking what they claim against what is there."""
+    try:
+        archive = zipfile.ZipFile(path)
+    except OSError as error:
+        raise fault(path, None, f"cannot be opened ({error.strerror or error}); check the path") from None
+    except Exception:  # zipfile raises a dozen kinds on hostile bytes
+        raise fault(
+            path,
+            None,
+            "is not a whole .npz archive but truncated or another format; write numpy.savez_compressed",
+        ) from None
+    with archive:
+        members = {i.filename[:-4]: i for i in archive.infolist() if i.filename.endswith(".npy")}
+        for key in required:
+            if key not in members:
+                raise fault(path, key, f"is missing; the file holds {', '.join(members) or 'no arrays'}")
+        wanted = {key: members[key] for key in (*required, *optional) if key in members}
+        on_disk = path.stat().st_size
+        for key, info in wanted.items():
+            _check_claims(path, key, archive, info, on_disk)
+        if sum(info.file_size for info in wanted.values()) > _MAX_BYTES:
+            raise fault(
+                path, required[0], f"the arrays need more than {_MAX_BYTES >> 30} GiB; split the recording"
+            )
+        arrays = {}
+        for key, info in wanted.items():
+            try:
+                with archive.open(info) as stream:
+                    arrays[key] = np.load(stream, allow_pickle=False)
+            except Exception as error:  # checksum, deflate stream, memory, ...
+                raise fault(
+                    path, key, f"is damaged ({type(error).__name__}: {error}); write it again"
+                ) from None
+        return arrays
+
+
+def _check_claims(
+    path: Path, key: str, archive: zipfile.ZipFile, info: zipfile.ZipInfo, on_disk: int
+) -> None:
+    ratio = {zipfile.ZIP_STORED: 1, zipfile.ZIP_DEFLATED: _MAX_DEFLATE_RATIO}.get(info.compress_type)
+    if ratio is None:
+        raise fault(path, key, "is compressed in an unknown way; write it with numpy.savez_compressed")
+    if info.compress_size > on_disk or info.file_size > ratio * info.compress_size:
+        raise fault(
+            path,
+            key,
+            f"claims {info.file_size} bytes that the file cannot hold; it is damaged, write it again",
+        )
+    try:
+        with archive.open(info) as stream:
+            version = np.lib.format.read_magic(stream)
+            one = version == (1, 0)
+            read_header = np.lib.format.read_array_header_1_0 if one else np.lib.format.read_array_header_2_0
+            shape, _, dtype = read_header(stream)
+            begin = stream.tell()
+    except Exception as error:  # the header is a Python expression: hostile ones raise anything
+        raise fault(
+            path, key, f"is not a NumPy array ({type(error).__name__}); write numpy.savez_compressed"
+        ) from None
+    if dtype.hasobject:
+        raise fault(
+            path,
+            key,
+            "holds pickled Python objects, which are never read; save plain arrays of numbers or text",
+        )
+    if dtype.kind not in "biufU":
+        raise fault(path, key, f"holds {dtype}; save plain arrays of numbers or text")
+    if min(shape, default=0) < 0 or math.prod(shape) * dtype.itemsize != info.file_size - begin:
+        raise fault(
+            path,
+            key,
+            f"claims shape {shape} of {dtype} but holds {info.file_size - begin} bytes; the file is damaged, "
+            "write it again",
+        )
+
+
+@contextmanager
+def written_whole(path: Path) -> Iterator[IO[bytes]]:
+    """Open a file for writing that appears under its name only once it is complete."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with open(unfinished, "wb") as file:
+            yield file
+        os.replace(unfinished, path)
+    finally:
+        unfinished.unlink(missing_ok=True)

@@ -1,0 +1,70 @@
+"""What every term sees and gives: the placed body, the observed frame, the weighted objective."""
+
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, PyTree
+
+from .._skeleton import Pose, Skeleton, forward_kinematics
+
+
+class PlacedBody(eqx.Module):
+    """Skeleton of one frame in the world."""
+
+    joints: Float[Array, "joints=15 3"]
+    """(m)"""
+    tips: Float[Array, "tips=5 3"]
+    """(m)"""
+    rotations: Float[Array, "segments=13 3 3"]
+    """From the body frame at rest to the world."""
+
+
+class Observed(eqx.Module):
+    """What was measured in one frame: the labelled skeletal graph."""
+
+    paths: Float[Array, "labels=5 points 3"]
+    """From the root to head, left and right hand, left and right foot, evenly spaced along the graph (m)."""
+    found: Bool[Array, "labels=5"]
+    """Whether an end node was found for this label."""
+    neck: Float[Array, "3"]
+    pelvis: Float[Array, "3"]
+
+
+def place(skeleton: Skeleton, pose: Pose) -> PlacedBody:
+    """Place the skeleton of one frame in the world."""
+    joints, tips = forward_kinematics(skeleton, pose)
+    return PlacedBody(joints, tips, jnp.asarray(pose.rotations))
+
+
+class AbstractTerm(eqx.Module):
+    """One residual of the objective. The weight multiplies its squared norm; to switch a term off, leave it out."""
+
+    weight: eqx.AbstractVar[Float[Array, ""]]
+
+    def correspond(self, body: PlacedBody, observed: Observed) -> PyTree:
+        """Look up what stays fixed during an inner solve; nothing by default."""
+        return None
+
+    def residual(self, body: PlacedBody, observed: Observed, fixed: Any) -> Float[Array, "..."]:
+        """Unweighted residual of one frame; `fixed` is what `correspond` gave."""
+        raise NotImplementedError
+
+
+class Objective(eqx.Module):
+    """A named collection of weighted terms. New weights or data of the same shapes do not compile again."""
+
+    terms: dict[str, AbstractTerm]
+
+    def correspond(self, body: PlacedBody, observed: Observed) -> dict[str, PyTree]:
+        """Look up the correspondences of all terms."""
+        return {name: term.correspond(body, observed) for name, term in self.terms.items()}
+
+    def residuals(
+        self, body: PlacedBody, observed: Observed, fixed: dict[str, PyTree]
+    ) -> dict[str, Float[Array, "..."]]:
+        """Weighted residuals of one frame, by name."""
+        return {
+            name: jnp.sqrt(term.weight) * term.residual(body, observed, fixed[name])
+            for name, term in self.terms.items()
+        }

@@ -1,0 +1,62 @@
+"""Bones are drawn to the skeletal graph, where Pinocchio draws them to the medial surface (Sect. 3.3)."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._limbs import HEAD, L_FOOT, L_HAND, R_FOOT, R_HAND
+from .._skeleton import JOINT_NAMES, JOINT_PARENTS
+from ._base import AbstractTerm, Observed, PlacedBody
+
+# The bones that lie on a centre-line, by the joint they end in, with the path they belong to. Hips and shoulders
+# stand off to the side of it. The trunk is part of every path to a foot; paths to a hand may leave it early.
+_ATTRACTED = {
+    "neck": L_FOOT, "head": HEAD, "l_elbow": L_HAND, "l_hand": L_HAND, "r_elbow": R_HAND, "r_hand": R_HAND,
+    "l_knee": L_FOOT, "l_foot": L_FOOT, "r_knee": R_FOOT, "r_foot": R_FOOT,
+}  # fmt: skip
+_ENDS = np.array([JOINT_NAMES.index(name) for name in _ATTRACTED])
+_STARTS = np.array(JOINT_PARENTS)[_ENDS]
+_PATHS = np.array(list(_ATTRACTED.values()))
+# Where along the bone. The bone from knee to ball of foot leaves the centre-line, which bends at the ankle.
+_PLACES = np.stack([np.linspace(0.0, 0.4, 5) if name.endswith("foot") else np.linspace(0.2, 1.0, 5)
+                    for name in _ATTRACTED])  # fmt: skip
+
+
+class GraphAttraction(AbstractTerm):
+    """Samples on each bone minus the closest point of that limb's path, with a robust weight (Geman-McClure)."""
+
+    weight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=1.0)
+    scale: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.1)
+    """Distance (m) beyond which a sample counts for little."""
+
+    def correspond(
+        self, body: PlacedBody, observed: Observed
+    ) -> tuple[Float[Array, "bones=10 samples=5 3"], Float[Array, "bones=10 samples=5"]]:
+        """Closest point of each sample and its robust weight."""
+        samples = _samples(body)
+        paths = observed.paths[_PATHS]
+        start, along = paths[:, None, :-1], (paths[:, 1:] - paths[:, :-1])[:, None]
+        squared = jnp.maximum((along * along).sum(-1), 1e-12)
+        part = jnp.clip(((samples[:, :, None] - start) * along).sum(-1) / squared, 0.0, 1.0)
+        points = start + part[..., None] * along
+        distance = ((samples[:, :, None] - points) ** 2).sum(-1)
+        nearest = jnp.argmin(distance, -1)[..., None]
+        closest = jnp.take_along_axis(points, nearest[..., None], 2)[:, :, 0]
+        robust = 1 / (1 + jnp.take_along_axis(distance, nearest, 2)[..., 0] / self.scale**2)
+        return closest, robust * observed.found[_PATHS][:, None]
+
+    def residual(
+        self,
+        body: PlacedBody,
+        observed: Observed,
+        fixed: tuple[Float[Array, "bones=10 samples=5 3"], Float[Array, "bones=10 samples=5"]],
+    ) -> Float[Array, "bones=10 samples=5 3"]:
+        """Weighted distances (m), as a mean over the samples of a bone."""
+        closest, robust = fixed
+        return robust[..., None] * (_samples(body) - closest) / np.sqrt(_PLACES.shape[1])
+
+
+def _samples(body: PlacedBody) -> Float[Array, "bones=10 samples=5 3"]:
+    start, end = body.joints[_STARTS][:, None], body.joints[_ENDS][:, None]
+    return start + _PLACES[..., None] * (end - start)

@@ -1,0 +1,17 @@
+"""Neck and pelvis are drawn to the inner nodes of the graph (Eq. 6)."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ._base import AbstractTerm, Observed, PlacedBody
+
+
+class InnerNodeAttraction(AbstractTerm):
+    """Pelvis and neck minus their nodes in the graph."""
+
+    weight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=1.0)
+
+    def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "2 3"]:
+        """Distances of joints and nodes (m)."""
+        return body.joints[:2] - jnp.stack([observed.pelvis, observed.neck])
