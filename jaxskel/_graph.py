@@ -99,3 +99,12 @@ def prune(graph: SkeletalGraph, min_length: float = 0.1) -> SkeletalGraph:
         goes_on = deepest[parents[node]] == node or through[node] >= min_length
         kept[node] = kept[parents[node]] and goes_on
     return graph.keep(kept)
+
+
+def limit_ends(graph: SkeletalGraph, most: int) -> SkeletalGraph:
+    """Prune ever longer branches until at most `most` end nodes are left, the root among them."""
+    length = 0.05
+    while len(graph.end_nodes) > most:
+        length *= 1.2
+        graph = prune(graph, length)
+    return graph

@@ -9,8 +9,8 @@ on what else is in the batch.
 """
 
 import numpy as np
-from jaxtyping import Float, Int
-from scipy.sparse import coo_array
+from jaxtyping import Bool, Float, Int
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from ._graph import SkeletalGraph
@@ -37,49 +37,87 @@ def scoop(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[Skeleta
         One graph a frame, in the hulls' world (m). Voxels that are not connected to the root have no part in it.
     """
     n = len(hulls.voxels)
-    neighbours = _neighbours(hulls)
+    wave = _Wave(_neighbours(hulls), hulls.inside)
     centres = hulls.centres
-    # Flat index = frame * (n + 1) + voxel; entry n of a frame stands for "no neighbour" and is never open.
-    open_ = np.zeros((len(hulls), n + 1), bool)
-    open_[:, :n] = hulls.inside
-    open_ = open_.reshape(-1)
-    scratch = np.zeros(len(open_), np.int32)
-
-    frames = np.arange(len(hulls))
-    seeds = frames * (n + 1) + roots
-    open_[seeds] = False
+    frames = np.arange(len(hulls), dtype=np.int32)
+    seeds = frames * np.int32(n + 1) + roots.astype(np.int32)
+    wave.open[seeds] = False
     nodes = _Nodes(positions=[centres[roots]], parents=[np.full(len(hulls), -1)], frames=[frames])
     nodes.extents.append(np.full(len(hulls), np.sqrt(3) * hulls.grid.spacing))
 
-    voxels, owners = seeds, frames
-    first = len(hulls)
-    reached, reach_owner = _step(voxels, owners, neighbours, open_, n, scratch)
+    first = len(hulls)  # number of the next node
+    reached, owners = wave.step(seeds, frames)
     while len(reached):
-        open_[reached] = False
-        labels = _components(reached, reach_owner, neighbours, n, scratch)
-        labels, parents = _order(labels, reach_owner)
+        wave.open[reached] = False
+        labels, parents = _order(wave.components(reached, owners), owners)
         xyz = centres[reached % (n + 1)]
         made = _place(nodes, labels, parents, xyz, hulls.grid.spacing)
-        distance = np.linalg.norm(xyz - made[labels], axis=1)
         radius = np.zeros(len(parents))
-        np.maximum.at(radius, labels, distance)
+        np.maximum.at(radius, labels, _distance(xyz, made[labels]))
 
         # Grow: what lies too far from the node is left for the next round, with the cluster that saw it.
         voxels, owners = reached, labels
-        later_voxels, later_owners = [], []
+        later: list[tuple[np.ndarray, np.ndarray]] = []
         while len(voxels):
-            voxels, owners = _step(voxels, owners, neighbours, open_, n, scratch)
-            far = np.linalg.norm(centres[voxels % (n + 1)] - made[owners], axis=1) >= radius[owners]
-            later_voxels.append(voxels[far])
-            later_owners.append(owners[far])
+            voxels, owners = wave.step(voxels, owners)
+            far = _distance(centres[voxels % (n + 1)], made[owners]) >= radius[owners]
+            later.append((voxels[far], owners[far]))
             voxels, owners = voxels[~far], owners[~far]
-            open_[voxels] = False
-        voxels, owners = np.concatenate(later_voxels), np.concatenate(later_owners)
-        order = np.argsort(owners, kind="stable")
-        voxels, owners = voxels[order], owners[order] + first
+            wave.open[voxels] = False
+        voxels, owners = (np.concatenate(arrays) for arrays in zip(*later, strict=True))
+        still = np.flatnonzero(wave.open[voxels])
+        still = still[np.argsort(owners[still], kind="stable")]
+        reached, owners = wave.first_come(voxels[still], owners[still] + np.int32(first))
         first += len(parents)
-        reached, reach_owner = _first_come(voxels[open_[voxels]], owners[open_[voxels]], scratch)
     return nodes.graphs(len(hulls))
+
+
+class _Wave:
+    """The voxels of all frames as one graph, and which of them are not visited yet.
+
+    Flat index = frame * (n + 1) + voxel; entry n of each frame stands for "no neighbour" and is never open.
+    """
+
+    def __init__(self, neighbours: Int[np.ndarray, "voxels 26"], inside: Bool[np.ndarray, "frames voxels"]):
+        self.stride = np.int32(len(neighbours) + 1)
+        self.neighbours = neighbours
+        self.open = np.pad(inside, ((0, 0), (0, 1))).reshape(-1)
+        self.number = np.zeros(len(self.open), np.int32)
+
+    def _around(self, voxels: np.ndarray, half: bool) -> np.ndarray:
+        local = voxels % self.stride
+        around = self.neighbours.take(local, 0, mode="clip") if not half else self.neighbours[:, _HALF].take(local, 0, mode="clip")
+        around += (voxels - local)[:, None]
+        return around
+
+    def step(self, voxels: np.ndarray, owners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Open neighbours of some voxels, each with the first owner that reaches it; `owners` must not decrease."""
+        around = self._around(voxels, half=False).reshape(-1)
+        hit = np.flatnonzero(self.open.take(around, mode="clip"))
+        return self.first_come(around.take(hit), owners.take(hit // 26))
+
+    def first_come(self, voxels: np.ndarray, owners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Keep the first mention of every voxel, in order of owner."""
+        index = np.arange(len(voxels), dtype=np.int32)
+        self.number[voxels[::-1]] = index[::-1]  # the last write, which is the first mention, stays
+        first = np.flatnonzero(self.number.take(voxels) == index)
+        return voxels.take(first), owners.take(first)
+
+    def components(self, voxels: np.ndarray, owners: np.ndarray) -> np.ndarray:
+        """Label what is connected among the newly reached voxels of each owner."""
+        count = len(voxels)
+        self.number[voxels] = np.arange(count, dtype=np.int32)
+        around = self._around(voxels, half=True).reshape(-1)
+        other = self.number.take(around, mode="clip")
+        other[other >= count] = 0  # stale numbers are told by pointing to another voxel
+        hit = np.flatnonzero(voxels.take(other) == around)
+        source, other = hit // 13, other.take(hit)
+        same = owners.take(source) == owners.take(other)
+        source, other = source[same], other[same]
+        start = np.zeros(count + 1, np.int32)
+        np.cumsum(np.bincount(source, minlength=count), out=start[1:])
+        pairs = csr_array((np.ones(len(other)), other, start), shape=(count, count))
+        return connected_components(pairs, directed=False)[1]
 
 
 class _Nodes:
@@ -120,35 +158,9 @@ def _neighbours(hulls: VisualHulls) -> Int[np.ndarray, "voxels 26"]:
     return number[flat[:, None] + (_OFFSETS @ strides)]
 
 
-def _step(voxels, owners, neighbours, open_, n, scratch):
-    """Open neighbours of some voxels, each with the first owner that reaches it; `owners` must not decrease."""
-    local = voxels % (n + 1)
-    around = neighbours[local] + (voxels - local)[:, None]
-    hit = np.flatnonzero(open_[around])
-    return _first_come(around.reshape(-1)[hit], owners[hit // 26], scratch)
-
-
-def _first_come(voxels, owners, scratch):
-    """Keep the first mention of every voxel, in order of owner."""
-    index = np.arange(len(voxels), dtype=np.int32)
-    scratch[voxels[::-1]] = index[::-1]  # the last write, which is the first mention, stays
-    first = scratch[voxels] == index
-    voxels, owners = voxels[first], owners[first]
-    return voxels, owners
-
-
-def _components(voxels, owners, neighbours, n, scratch):
-    """Connected components of the newly reached voxels of each owner."""
-    count = len(voxels)
-    scratch[voxels] = np.arange(count)
-    local = voxels % (n + 1)
-    around = neighbours[local, _HALF] + (voxels - local)[:, None]
-    other = scratch[around]  # stale entries are told by pointing to another voxel
-    source = np.broadcast_to(np.arange(count)[:, None], around.shape)
-    other = np.where(other < count, other, 0)
-    joined = (voxels[other] == around) & (owners[other] == owners[:, None])
-    pairs = coo_array((np.ones(joined.sum(), np.int8), (source[joined], other[joined])), shape=(count, count))
-    return connected_components(pairs, directed=False)[1]
+def _distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    difference = a - b
+    return np.sqrt(np.einsum("ij,ij->i", difference, difference))
 
 
 def _order(labels, owners):
@@ -159,8 +171,8 @@ def _order(labels, owners):
     np.minimum.at(first, labels, np.arange(len(labels)))
     owner = owners[first]
     order = np.lexsort((first, -size, owner))
-    rank = np.empty(count, np.int64)
-    rank[order] = np.arange(count)
+    rank = np.empty(count, np.int32)
+    rank[order] = np.arange(count, dtype=np.int32)
     return rank[labels], owner[order]
 
 
@@ -168,11 +180,12 @@ def _place(nodes: _Nodes, labels, parents, xyz, spacing) -> Float[np.ndarray, "m
     """Add one node for each new cluster and return their positions."""
     count = len(parents)
     size = np.bincount(labels, minlength=count)
-    centroid = np.stack([np.bincount(labels, xyz[:, k], count) for k in range(3)], -1) / size[:, None]
-    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
-    np.minimum.at(low, labels, xyz)
-    np.maximum.at(high, labels, xyz)
-    extent = np.linalg.norm(high - low + spacing, axis=1)
+    order = np.argsort(labels, kind="stable")
+    starts = np.cumsum(size) - size
+    sorted_xyz = xyz[order]
+    centroid = np.add.reduceat(sorted_xyz, starts) / size[:, None]
+    low, high = np.minimum.reduceat(sorted_xyz, starts), np.maximum.reduceat(sorted_xyz, starts)
+    extent = _distance(high + spacing, low)
 
     parent_position = np.concatenate(nodes.positions)[parents]
     parent_extent = np.concatenate(nodes.extents)[parents]

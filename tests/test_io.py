@@ -349,8 +349,17 @@ def test_directory_that_claims_more_than_is_there(clip, size):
     refused(read_recording, clip, f"key 'silhouettes': claims {claimed} bytes that the file cannot hold")
 
 
+def test_directory_that_claims_more_than_the_file_is_long(clip):
+    np.savez(clip, **arrays_of(clip))  # stored plainly: both sizes of a member are the same
+    with zipfile.ZipFile(clip, "a") as archive:
+        member = archive.getinfo("K.npy")
+        member.file_size = member.compress_size = 10**9
+        archive._didModify = True
+    refused(read_recording, clip, "key 'K': claims 1000000000 bytes that the file cannot hold")
+
+
 def test_more_than_the_ceiling_is_refused(clip, monkeypatch):
-    monkeypatch.setattr("jaxskel.io.recordings._MAX_BYTES", 1000)
+    monkeypatch.setattr("jaxskel.io._archive._MAX_BYTES", 1000)
     refused(read_recording, clip, "split the recording")
 
 

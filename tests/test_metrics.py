@@ -88,20 +88,22 @@ def test_arms_are_exchanged_as_a_whole():
 
 
 def test_the_smaller_sum_of_both_hands_decides():
-    # True hands 0.3 m apart. Both hands of the pose lie near the true left one, the right 0.02 m beside it:
-    # keeping costs 0 + 0.28, exchanging 0.02 + 0.30, so nothing is exchanged.
+    # Isosceles: the true right hand and the left of the pose are 0.2 m from the true left hand, 0.3 m apart.
+    # The right hand of the pose is on the true left one: keeping costs 0.2 + 0.2, exchanging 0 + 0.3.
     true, left, right = truth(1), joint("l_hand"), joint("r_hand")
-    true[0, left], true[0, right] = (0.0, 0.3, 0.0), (0.0, 0.0, 0.0)
+    angle = 2 * np.arcsin(0.75)
+    true[0, left], true[0, right] = 0.0, (0.2, 0.0, 0.0)
     poses = true.copy()
-    poses[0, right] = 0.0, 0.28, 0.0
+    poses[0, left], poses[0, right] = (0.2 * np.cos(angle), 0.2 * np.sin(angle), 0.0), 0.0
     found = score(poses, true)
-    np.testing.assert_array_equal(found.forgiven, found.distances)
+    assert found.distances[0, [left, right]] == pytest.approx([0.2, 0.2])
+    assert found.forgiven[0, [left, right]] == pytest.approx([0.0, 0.3])
     assert wrongs(found, forgive_swaps=True) == {"r_hand": 1}
-    # The hands the other way round: exchanging costs 0 + 0.28.
+    # The sides of the pose the other way round: now they are kept.
     poses[0, [left, right]] = poses[0, [right, left]]
     found = score(poses, true)
-    assert found.distances[0, [left, right]] == pytest.approx([0.02, 0.30])
-    assert found.forgiven[0, [left, right]] == pytest.approx([0.0, 0.28])
+    np.testing.assert_array_equal(found.forgiven, found.distances)
+    assert found.distances[0, [left, right]] == pytest.approx([0.0, 0.3])
 
 
 def test_arms_and_legs_are_forgiven_apart():
@@ -121,7 +123,7 @@ def test_a_frame_without_a_pose_has_every_limb_wrong():
         assert wrongs(found, forgive) == dict.fromkeys(LIMBS, 1)
         assert found.all_correct(forgive) == 3 / 4
         assert (found.curve(forgive) == 3 / 4).all()
-        assert found.percentile(50, None, forgive) == 0.0  # over frames with a pose
+        assert found.percentile(100, None, forgive) == 0.0  # over frames with a pose
     assert found.to_dict()["frames_without_pose"] == 1
 
 
@@ -271,6 +273,12 @@ def test_table_has_a_row_for_each_recording_and_the_total():
     Console(file=screen, width=80).print(table)
     assert "total" in screen.getvalue()
     assert "…" not in screen.getvalue()
+
+
+def test_table_shows_a_name_as_it_is():
+    screen = io.StringIO()
+    Console(file=screen, width=120).print(score_table({"[/b] a [red]": score(truth(), truth())}))
+    assert "[/b] a [red]" in screen.getvalue()
 
 
 @pytest.mark.parametrize("kind", [".png", ".pdf", ".svg"])

@@ -10,17 +10,8 @@ import numpy as np
 from .._poses import STATUS_NAMES, WITH_POSE, Poses
 from .._recording import Truth
 from .._skeleton import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES
-from .recordings import (
-    check_names,
-    fault,
-    frame_numbers,
-    frame_rate,
-    numbers,
-    read_arrays,
-    truth,
-    up_axis,
-    written_whole,
-)
+from ._archive import fault, numbers, read_arrays, written_whole
+from .recordings import check_names, frame_numbers, frame_rate, truth, up_axis
 
 
 def write_poses(folder: str | Path, poses: Poses) -> tuple[Path, Path]:

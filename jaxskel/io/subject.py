@@ -24,7 +24,7 @@ from .._skeleton import (
     default_adult,
     make_skeleton,
 )
-from .recordings import fault, written_whole
+from ._archive import fault, written_whole
 
 # The point where each length ends: it begins at the point's parent. Two-sided ones lack their l_ or r_.
 _MIDDLE = {"trunk": "neck", "neck": "head", "head_top": "head_top"}
@@ -35,6 +35,7 @@ _SIDED = {
 _POINTS = JOINT_NAMES + TIP_NAMES
 _PARENTS = JOINT_PARENTS + TIP_PARENTS
 
+_SHORTEST = 0.005  # m: below any length of a body
 _LONGEST = 1.5  # m: beyond any bone; the value is in centimetres or millimetres
 _STATURES = (0.4, 2.8)  # m
 _MAX_BYTES = 100_000
@@ -113,7 +114,7 @@ def _parse(path: Path) -> tuple[float | None, dict[str, float]]:
     sided = {f"{side}{key}": f"{side}{point}" for side in ("l_", "r_") for key, point in _SIDED.items()}
     for key in given:
         _check_known(path, key, [*_MIDDLE, *_SIDED, *sided])
-    measured = {key: _length(path, key, value, 0.0, _LONGEST) for key, value in given.items()}
+    measured = {key: _length(path, key, value, _SHORTEST, _LONGEST) for key, value in given.items()}
     lengths = {point: measured[key] for key, point in _MIDDLE.items() if key in measured}
     for side in ("l_", "r_"):
         for key, point in _SIDED.items():

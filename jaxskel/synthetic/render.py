@@ -113,7 +113,7 @@ def _meets(
     ahead, advance = along[..., 0], along[..., 1]
     aa, ab, bb = float(axis @ axis), float(start @ axis), float(start @ start)
     inside = _reaches_zero(
-        np.array(aa - growth**2), np.array(ab - radius * growth), np.array(bb - radius**2), 0.0, 1.0
+        np.array([aa - growth**2]), np.array([ab - radius * growth]), np.array([bb - radius**2]), 0.0, 1.0
     )
     if inside.any():
         return ~np.isnan(ahead)

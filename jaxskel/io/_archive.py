@@ -1,0 +1,163 @@
+"""Arrays out of an `.npz` archive that may come from anywhere.
+
+Its claims are checked against its bytes before memory is taken for them, pickled objects are never read, and
+every fault is a `ValueError` of one line that names file and key and how to mend it.
+"""
+
+import math
+import os
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+
+_MAX_BYTES = 16 * 2**30
+# Deflate cannot shrink data further than this; a member that claims more lies about its size.
+_MAX_DEFLATE_RATIO = 1032
+# No length (m), focal length (px) or lens coefficient comes near this; refusing it keeps later squares
+# finite.
+_MAX_NUMBER = 1e9
+
+
+def texts(path: Path, arrays: dict[str, np.ndarray], key: str) -> list[str]:
+    """The strings of an array of at most one dimension."""
+    array = arrays[key]
+    try:
+        if array.dtype.kind == "U" and array.ndim <= 1:
+            return [str(text) for text in array.reshape(-1)]
+    except ValueError:  # not a Unicode code point
+        pass
+    raise fault(path, key, f"{array.dtype} of shape {array.shape}; give text")
+
+
+def numbers(
+    path: Path,
+    arrays: dict[str, np.ndarray],
+    key: str,
+    shape: tuple[int | None, ...] | None,
+    nan: bool = False,
+) -> np.ndarray:
+    """The real numbers of an array of the given shape (None: any), in float64."""
+    array = arrays[key]
+    if array.dtype.kind not in "iuf":
+        raise fault(path, key, f"holds {array.dtype}; give numbers")
+    fits = shape is None or (
+        array.ndim == len(shape) and all(b in (None, a) for a, b in zip(array.shape, shape, strict=True))
+    )
+    if not fits:
+        wanted = ", ".join("any" if n is None else str(n) for n in shape or ())
+        raise fault(path, key, f"has shape {array.shape}; give ({wanted})")
+    # A wider float may overflow and a signalling NaN raise a flag; both are refused below.
+    with np.errstate(over="ignore", invalid="ignore"):
+        array = array.astype(np.float64)
+    bad = ~(np.abs(array) < _MAX_NUMBER) & ~(nan & np.isnan(array))
+    if bad.any():
+        where = tuple(int(i) for i in np.argwhere(bad)[0])
+        raise fault(
+            path, key, f"holds {array[where]} at index {where}; give finite numbers in metres or pixels"
+        )
+    return array
+
+
+def fault(path: Path, key: str | None, message: str) -> ValueError:
+    """The one line for a fault of a file, whatever line breaks its names and texts hold."""
+    place = f"{path}: " if key is None else f"{path}: key {key!r}: "
+    return ValueError(" ".join((place + message).split()))
+
+
+def short(array: np.ndarray) -> str:
+    """A value for a message: itself where it is single, otherwise its kind."""
+    return repr(array.reshape(()).item()) if array.size == 1 else f"{array.dtype} of shape {array.shape}"
+
+
+def read_arrays(path: Path, required: tuple[str, ...], optional: tuple[str, ...]) -> dict[str, np.ndarray]:
+    """Read the named arrays of an `.npz` archive, checking what they claim against what is there."""
+    try:
+        archive = zipfile.ZipFile(path)
+    except OSError as error:
+        raise fault(path, None, f"cannot be opened ({error.strerror or error}); check the path") from None
+    except Exception:  # zipfile raises a dozen kinds on hostile bytes
+        raise fault(
+            path,
+            None,
+            "is not a whole .npz archive but truncated or another format; write numpy.savez_compressed",
+        ) from None
+    with archive:
+        members = {i.filename[:-4]: i for i in archive.infolist() if i.filename.endswith(".npy")}
+        for key in required:
+            if key not in members:
+                raise fault(path, key, f"is missing; the file holds {', '.join(members) or 'no arrays'}")
+        wanted = {key: members[key] for key in (*required, *optional) if key in members}
+        on_disk = path.stat().st_size
+        for key, info in wanted.items():
+            _check_claims(path, key, archive, info, on_disk)
+        if sum(info.file_size for info in wanted.values()) > _MAX_BYTES:
+            raise fault(
+                path, required[0], f"the arrays need more than {_MAX_BYTES >> 30} GiB; split the recording"
+            )
+        arrays = {}
+        for key, info in wanted.items():
+            try:
+                with archive.open(info) as stream:
+                    arrays[key] = np.load(stream, allow_pickle=False)
+            except Exception as error:  # checksum, deflate stream, memory, ...
+                raise fault(
+                    path, key, f"is damaged ({type(error).__name__}: {error}); write it again"
+                ) from None
+        return arrays
+
+
+def _check_claims(
+    path: Path, key: str, archive: zipfile.ZipFile, info: zipfile.ZipInfo, on_disk: int
+) -> None:
+    ratio = {zipfile.ZIP_STORED: 1, zipfile.ZIP_DEFLATED: _MAX_DEFLATE_RATIO}.get(info.compress_type)
+    if ratio is None:
+        raise fault(path, key, "is compressed in an unknown way; write it with numpy.savez_compressed")
+    if info.compress_size > on_disk or info.file_size > ratio * info.compress_size:
+        raise fault(
+            path,
+            key,
+            f"claims {info.file_size} bytes that the file cannot hold; it is damaged, write it again",
+        )
+    try:
+        with archive.open(info) as stream:
+            version = np.lib.format.read_magic(stream)
+            one = version == (1, 0)
+            read_header = np.lib.format.read_array_header_1_0 if one else np.lib.format.read_array_header_2_0
+            shape, _, dtype = read_header(stream)
+            begin = stream.tell()
+    except Exception as error:  # the header is a Python expression: hostile ones raise anything
+        raise fault(
+            path, key, f"is not a NumPy array ({type(error).__name__}); write numpy.savez_compressed"
+        ) from None
+    if dtype.hasobject:
+        raise fault(
+            path,
+            key,
+            "holds pickled Python objects, which are never read; save plain arrays of numbers or text",
+        )
+    if dtype.kind not in "biufU":
+        raise fault(path, key, f"holds {dtype}; save plain arrays of numbers or text")
+    if min(shape, default=0) < 0 or math.prod(shape) * dtype.itemsize != info.file_size - begin:
+        raise fault(
+            path,
+            key,
+            f"claims shape {shape} of {dtype} but holds {info.file_size - begin} bytes; the file is damaged, "
+            "write it again",
+        )
+
+
+@contextmanager
+def written_whole(path: Path) -> Iterator[IO[bytes]]:
+    """Open a file for writing that appears under its name only once it is complete."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with open(unfinished, "wb") as file:
+            yield file
+        os.replace(unfinished, path)
+    finally:
+        unfinished.unlink(missing_ok=True)

@@ -1,0 +1,512 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from jaxskel._skeleton import JOINT_NAMES, JOINT_PARENTS, Pose, default_adult
+from jaxskel.synthetic import (
+    Motion,
+    demo_motion,
+    find_joints,
+    make_body,
+    parse_asf_amc,
+    parse_bvh,
+    place_body,
+    place_joints,
+    read_asf_amc,
+    read_bvh,
+    retarget,
+)
+
+CMU = Path(__file__).parents[2] / "shared" / "data" / "cmu"
+CMU_SCALE = 0.0254 / 0.45
+AT = {name: i for i, name in enumerate(JOINT_NAMES)}
+
+# A root, a bone up, and from its end a bone to the side whose own axes are turned by 90 degrees about z.
+ASF = """# made by hand
+:version 1.10
+:units
+  mass 1.0
+  length 0.5
+  angle deg
+:root
+  order TX TY TZ RX RY RZ
+  axis XYZ
+  position 0 0 0
+  orientation 0 0 0
+:bonedata
+  begin
+    id 1
+    name spine
+    direction 0 3 0
+    length 2
+    axis 0 0 0 XYZ
+    dof rz
+    limits (-10 10)
+  end
+  begin
+    id 2
+    name arm
+    direction 1 0 0
+    length 1
+    axis 0 0 90 XYZ
+    dof rx ry
+    limits (-10 10)
+           (-20 20)
+  end
+:hierarchy
+  begin
+    root spine
+    spine arm
+  end
+"""
+AMC = """#!made by hand
+:FULLY-SPECIFIED
+:DEGREES
+1
+root 1 2 3 0 0 0
+spine 0
+arm 0 0
+2
+root 0 0 0 0 0 90
+spine 0
+arm 0 0
+3
+root 0 0 0 90 90 0
+spine 0
+arm 0 0
+4
+root 0 0 0 0 0 0
+spine 90
+arm 0 0
+5
+root 0 0 0 0 0 0
+spine 0
+arm 90 0
+"""
+# One unit is 0.0254 m / 0.5. Ends of root, spine and arm in units, worked out by hand.
+ACCLAIM_ENDS = [
+    [[1, 2, 3], [1, 4, 3], [2, 4, 3]],
+    # About z: up turns to -x, x turns up.
+    [[0, 0, 0], [-2, 0, 0], [-2, 1, 0]],
+    # First about x, where up turns to z and x stays, then about y, where z turns to x and x to -z.
+    [[0, 0, 0], [2, 0, 0], [2, 0, -1]],
+    [[0, 0, 0], [-2, 0, 0], [-2, 1, 0]],
+    # The x axis of the arm is the y axis of the world: x turns to -z.
+    [[0, 0, 0], [0, 2, 0], [0, 2, -1]],
+]
+
+BVH = """HIERARCHY
+ROOT hip
+{
+  OFFSET 5 5 5
+  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+  JOINT knee
+  {
+    OFFSET 0 2 0
+    CHANNELS 3 Zrotation Xrotation Yrotation
+    End Site
+    {
+      OFFSET 1 0 0
+    }
+  }
+}
+MOTION
+Frames: 3
+Frame Time: 0.04
+1 2 3 0 0 0 0 0 0
+0 0 0 90 90 0 0 0 0
+0 0 0 0 0 0 0 0 90
+"""
+BIOVISION_JOINTS = [
+    [[1, 2, 3], [1, 4, 3], [2, 4, 3]],
+    # Rz Rx: up turns to z by the inner turn, which the outer one leaves; x turns up by the outer one.
+    [[0, 0, 0], [0, 0, 2], [0, 1, 2]],
+    # The knee turns what hangs on it: x turns to -z about y.
+    [[0, 0, 0], [0, 2, 0], [0, 2, -1]],
+]
+
+
+def test_acclaim_by_hand():
+    motion = parse_asf_amc(ASF, AMC, fps=60.0)
+    assert motion.names == ("root", "spine", "arm")
+    assert motion.parents == (-1, 0, 1)
+    assert (motion.fps, motion.up) == (60.0, "+Y")
+    np.testing.assert_allclose(motion.positions, np.array(ACCLAIM_ENDS) * 0.0254 / 0.5, atol=1e-12)
+    np.testing.assert_allclose(motion.rest, np.array([[0, 0, 0], [0, 2, 0], [1, 2, 0]]) * 0.0254 / 0.5)
+
+
+def test_acclaim_scale_and_radians():
+    metres = parse_asf_amc(ASF, AMC, scale=1.0)
+    np.testing.assert_allclose(metres.positions, ACCLAIM_ENDS, atol=1e-12)
+    radians = parse_asf_amc(ASF, AMC.replace("DEGREES", "RADIANS").replace("90", f"{np.pi / 2}"), scale=1.0)
+    np.testing.assert_allclose(radians.positions, ACCLAIM_ENDS, atol=1e-12)
+
+
+def test_acclaim_axis_order():
+    # In the order YXZ the third frame turns about y first: up stays and x turns to -z; then about x: up turns
+    # to z, -z to up.
+    motion = parse_asf_amc(ASF.replace("  axis XYZ", "  axis YXZ"), AMC, scale=1.0)
+    np.testing.assert_allclose(motion.positions[2], [[0, 0, 0], [0, 0, 2], [0, 1, 2]], atol=1e-12)
+
+
+def test_biovision_by_hand():
+    motion = parse_bvh(BVH)
+    assert motion.names == ("hip", "knee", "knee_End")
+    assert motion.parents == (-1, 0, 1)
+    assert motion.fps == pytest.approx(25.0)
+    np.testing.assert_allclose(motion.positions, np.array(BIOVISION_JOINTS) * 0.01, atol=1e-12)
+    np.testing.assert_allclose(motion.rest, np.array([[0, 0, 0], [0, 2, 0], [1, 2, 0]]) * 0.01)
+    assert parse_bvh(BVH, up="+Z").up == "+Z"
+
+
+def test_biovision_layout_is_free():
+    crowded = (
+        BVH.replace("\n{", " {").replace("\n  {", " {").replace("0 0 0 90 90 0 0 0 0", "0 0 0 90\n90 0 0 0 0")
+    )
+    assert crowded != BVH
+    np.testing.assert_allclose(parse_bvh(crowded).positions, parse_bvh(BVH).positions)
+    np.testing.assert_allclose(parse_bvh(BVH.replace("\n", "\r\n")).positions, parse_bvh(BVH).positions)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("length 0.5", "length 0", "ASF:5: the unit of length"),
+        ("length 0.5", "length half", "ASF:5: 'half' should be a number"),
+        ("angle deg", "angle grad", "ASF:6: the unit of angles"),
+        ("TX TY TZ RX RY RZ", "TX TX TZ RX RY RZ", "ASF:8: the channels"),
+        ("  axis XYZ", "  axis XXZ", "ASF:9: the axis order 'XXZ'"),
+        ("name spine", "name", "ASF:13: this bone needs a name"),
+        ("direction 0 3 0", "direction 0 0 0", "ASF:16: bone spine has no direction"),
+        ("direction 0 3 0", "direction 0 3", "ASF:16: three numbers"),
+        ("length 2", "length -2", "ASF:13: this bone needs"),
+        ("length 2", "length nan", "ASF:17: 'nan' should be a number"),
+        ("dof rz", "dof rz l", "ASF:19: the channels 'rz l'"),
+        ("name arm", "name spine", "two bones have the same name"),
+        ("    spine arm", "    arm spine", "ASF:37: bone 'arm' has children before it has a parent"),
+        ("    spine arm", "    spine spine", "ASF:37: 'spine' is not a bone, or has a parent already"),
+        ("    spine arm", "", "the hierarchy does not hold arm"),
+    ],
+)
+def test_broken_asf(old, new, message):
+    assert old in ASF
+    with pytest.raises(ValueError, match=message):
+        parse_asf_amc(ASF.replace(old, new, 1), AMC)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("arm 0 0\n2", "arm 0\n2", r"AMC:6: arm needs 2 values \(rx ry\), not 1"),
+        ("arm 0 0\n2", "leg 0 0\n2", "AMC:6: 'leg' is not a moving bone of this skeleton"),
+        ("arm 0 0\n2", "2", "AMC:6: frame 1 of the file lacks arm"),
+        ("arm 0 0\n2", "spine 0\n2", "AMC:6: spine is given twice"),
+        ("arm 90 0\n", "", "frame 5 of the file lacks arm"),
+        ("1\nroot", "root", "AMC:3|AMC:4: values before the number"),
+        ("root 1 2 3", "root 1 two 3", "AMC:5: 'two' should be a number"),
+    ],
+)
+def test_broken_amc(old, new, message):
+    text = AMC.replace("#!made by hand\n", "").replace(":FULLY", "\n:FULLY")
+    assert old in text
+    with pytest.raises(ValueError, match=message):
+        parse_asf_amc(ASF, text.replace(old, new, 1))
+
+
+def test_empty_amc():
+    with pytest.raises(ValueError, match="0 frames"):
+        parse_asf_amc(ASF, ":DEGREES\n")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("MOTION", "", "no line MOTION"),
+        ("ROOT", "JOINT", "BVH:2: one ROOT is expected"),
+        ("JOINT knee", "ROOT knee", "BVH:6: one ROOT is expected"),
+        ("JOINT knee", "JOINT hip", "BVH:6: the joint name 'hip' is empty or given twice"),
+        ("    OFFSET 0 2 0\n", "", "BVH:6: joint knee has no OFFSET"),
+        ("OFFSET 0 2 0", "OFFSET 0 2", "BVH:8: three numbers"),
+        ("OFFSET 0 2 0", "OFFSET 0 inf 0", "BVH:8: 'inf' should be a number"),
+        ("CHANNELS 3", "CHANNELS 4", "BVH:9: CHANNELS"),
+        ("CHANNELS 3 Zrotation", "CHANNELS 3 Wrotation", "BVH:9: CHANNELS"),
+        ("  }\n}\nMOTION", "}\nMOTION", "braces do not match"),
+        ("Frames: 3", "Frames: 999999999", "BVH:17: .* do not agree with the 27 numbers"),
+        ("Frames: 3", "Frames: -3", "BVH:17:"),
+        ("Frame Time: 0.04", "Frame Time: 0", "BVH:18: a frame time of 0.0 s"),
+        ("Frame Time: 0.04\n", "", "'Frame Time:' are expected"),
+        ("1 2 3 0", "1 x 3 0", "BVH:19: 'x' should be a number"),
+        ("0 0 0 0 0 0 0 0 90\n", "", "do not agree with the 18 numbers"),
+    ],
+)
+def test_broken_bvh(old, new, message):
+    assert old in BVH
+    with pytest.raises(ValueError, match=message):
+        parse_bvh(BVH.replace(old, new, 1))
+
+
+def test_readers_name_the_file(tmp_path):
+    with pytest.raises(ValueError, match=r"none\.bvh: no such file"):
+        read_bvh(tmp_path / "none.bvh")
+    (tmp_path / "a.asf").write_text(ASF)
+    (tmp_path / "a.amc").write_text(AMC.replace("spine 90", "spine"))
+    (tmp_path / "a.bvh").write_text(BVH)
+    with pytest.raises(ValueError, match=r"a\.amc:18: spine needs 1 values"):
+        read_asf_amc(tmp_path / "a.asf", tmp_path / "a.amc")
+    (tmp_path / "a.amc").write_text(AMC)
+    assert len(read_asf_amc(tmp_path / "a.asf", tmp_path / "a.amc")) == 5
+    assert len(read_bvh(tmp_path / "a.bvh")) == 3
+
+
+def test_too_many_joints_and_positions():
+    bones = "".join(
+        f"begin\nname b{i}\ndirection 0 1 0\nlength 1\naxis 0 0 0 XYZ\nend\n" for i in range(1000)
+    )
+    links = "root " + " ".join(f"b{i}" for i in range(1000))
+    with pytest.raises(ValueError, match="1001 joints are more than"):
+        parse_asf_amc(f":bonedata\n{bones}:hierarchy\n{links}\n", "1\n")
+    bones, links = bones[: bones.index("begin\nname b999")], links.removesuffix(" b999")
+    frames = "\n".join(str(i) for i in range(10_001))
+    with pytest.raises(ValueError, match="10001 frames of 1000 joints"):
+        parse_asf_amc(f":bonedata\n{bones}:hierarchy\n{links}\n", frames)
+
+
+@pytest.mark.parametrize("scale", [0.0, -1.0, float("nan"), float("inf")])
+def test_bad_scale(scale):
+    with pytest.raises(ValueError, match="metres per unit"):
+        parse_bvh(BVH, scale)
+    with pytest.raises(ValueError, match="metres per unit"):
+        parse_asf_amc(ASF, AMC, scale=scale)
+
+
+def is_valid(motion):
+    frames, joints = motion.positions.shape[:2]
+    assert frames >= 1
+    assert motion.rest.shape == (joints, 3)
+    assert len(motion.names) == len(set(motion.names)) == len(motion.parents) == joints
+    assert all(parent < child for child, parent in enumerate(motion.parents))
+    assert np.isfinite(motion.positions).all()
+    assert np.isfinite(motion.rest).all()
+    assert motion.fps > 0
+
+
+def never_crashes(parse, *texts):
+    try:
+        motion = parse(*texts)
+    except ValueError as error:
+        assert str(error)
+        assert "\n" not in str(error)
+    else:
+        is_valid(motion)
+
+
+JUNK = st.one_of(
+    st.sampled_from(
+        "{ } -1 0 1e308 nan inf ² 1_0 99999999999 ROOT JOINT End OFFSET CHANNELS MOTION Frames: begin end root : #".split()
+    ),
+    st.text(max_size=5),
+)
+
+
+@st.composite
+def mutated(draw, text):
+    """A motion file with some words replaced, and some lines left out or doubled."""
+    lines = [line.split(" ") for line in text.split("\n")]
+    for _ in range(draw(st.integers(0, 3))):
+        line = draw(st.integers(0, len(lines) - 1))
+        lines[line] = list(lines[line])
+        lines[line][draw(st.integers(0, len(lines[line]) - 1))] = draw(JUNK)
+    for _ in range(draw(st.integers(0, 2))):
+        line = draw(st.integers(0, len(lines) - 1))
+        lines[line : line + 1] = [lines[line]] * draw(st.sampled_from([0, 2]))
+    return "\n".join(" ".join(words) for words in lines)
+
+
+@settings(deadline=None, max_examples=200)
+@given(mutated(BVH))
+def test_any_bvh(text):
+    never_crashes(parse_bvh, text)
+
+
+@settings(deadline=None, max_examples=200)
+@given(mutated(ASF), mutated(AMC))
+def test_any_acclaim(asf, amc):
+    never_crashes(parse_asf_amc, asf, amc)
+
+
+@settings(deadline=None)
+@given(st.text(), st.text())
+def test_any_text(first, second):
+    never_crashes(parse_asf_amc, first, second)
+    never_crashes(parse_bvh, first + "\nMOTION\n" + second)
+
+
+# Retargeting
+
+ACCLAIM_NAMES = {
+    "pelvis": "root", "neck": "thorax", "head": "head", "shoulder": "clavicle", "elbow": "humerus", "hand": "hand",
+    "hip": "hipjoint", "knee": "femur", "foot": "foot",
+}  # fmt: skip
+MIXAMO_NAMES = {
+    "pelvis": "Hips", "neck": "Neck", "head": "Head", "shoulder": "Arm", "elbow": "ForeArm", "hand": "Hand",
+    "hip": "UpLeg", "knee": "Leg", "foot": "ToeBase",
+}  # fmt: skip
+BIOVISION_NAMES = {
+    "pelvis": "Hips", "neck": "Neck", "head": "Head", "shoulder": "Shoulder", "elbow": "Elbow", "hand": "Wrist",
+    "hip": "Hip", "knee": "Knee", "foot": "Toe",
+}  # fmt: skip
+TABLES = {
+    "acclaim": (ACCLAIM_NAMES, {"l_": "l", "r_": "r"}, ""),
+    "mixamo": (MIXAMO_NAMES, {"l_": "Left", "r_": "Right"}, "mixamorig:"),
+    "biovision": (BIOVISION_NAMES, {"l_": "Left", "r_": "Right"}, ""),
+}
+
+
+def as_capture(skeleton, pose, table="acclaim", turn=None, up="+Z"):
+    """The joints of our own motion as a file would hold them, in a world turned by `turn`."""
+    names, sides, prefix = TABLES[table]
+    turn = np.eye(3) if turn is None else turn
+    named = tuple(
+        prefix + (sides[joint[:2]] + names[joint[2:]] if joint[:2] in sides else names[joint])
+        for joint in JOINT_NAMES
+    )
+    joints = np.asarray(place_joints(skeleton, pose)[0], np.float64)
+    return Motion(named, JOINT_PARENTS, joints @ turn.T, np.asarray(skeleton.rest_joints) @ turn.T, 30.0, up)
+
+
+@pytest.fixture(scope="module")
+def adult():
+    return default_adult()
+
+
+@pytest.fixture(scope="module")
+def pose(adult):
+    return demo_motion(adult, 60, 5.0)
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_retarget_undoes_forward_kinematics(adult, pose, table):
+    again = retarget(as_capture(adult, pose, table), adult)
+    joints, expected = (np.asarray(place_joints(adult, p)[0], np.float64) for p in (again, pose))
+    np.testing.assert_allclose(joints - joints[:, :1], expected - expected[:, :1], atol=2e-5)
+    np.testing.assert_allclose(again.root[:, :2], pose.root[:, :2], atol=1e-5)
+    # Raised as a whole by the height that the feet have over the floor.
+    assert np.ptp(again.root[:, 2] - pose.root[:, 2]) < 0.05
+    rotations = again.rotations
+    np.testing.assert_allclose(
+        rotations @ rotations.swapaxes(-1, -2), np.broadcast_to(np.eye(3), rotations.shape), atol=1e-9
+    )
+    assert (np.linalg.det(rotations) > 0).all()
+
+
+def test_retarget_turns_limbs_about_themselves(adult, pose):
+    again = retarget(as_capture(adult, pose), adult)
+    toes, expected = (np.asarray(place_joints(adult, p)[1])[:, 3:] for p in (again, pose))
+    joints, joints_expected = (np.asarray(place_joints(adult, p)[0])[:, [11, 14]] for p in (again, pose))
+    # Toes point within some degrees of where they should, though no joint of the capture shows it.
+    cosine = ((toes - joints) * (expected - joints_expected)).sum(-1)
+    cosine /= np.linalg.norm(toes - joints, axis=-1) ** 2
+    assert cosine.min() > np.cos(np.deg2rad(15))
+
+
+def test_retarget_is_the_same_with_another_axis_up(adult, pose):
+    # x' = y, y' = z, z' = x.
+    turn = np.array([[0, 1.0, 0], [0, 0, 1.0], [1.0, 0, 0]])
+    one, other = (
+        retarget(as_capture(adult, pose, turn=t, up=up), adult) for t, up in ((None, "+Z"), (turn, "+Y"))
+    )
+    np.testing.assert_allclose(other.root, one.root, atol=1e-6)
+    np.testing.assert_allclose(other.rotations, one.rotations, atol=1e-6)
+
+
+def test_retarget_to_another_size(adult, pose):
+    small = adult.scaled(0.5)
+    again = retarget(as_capture(adult, pose), small)
+    joints, expected = (
+        np.asarray(place_joints(s, p)[0], np.float64) for s, p in ((small, again), (adult, pose))
+    )
+    np.testing.assert_allclose(joints - joints[:, :1], (expected - expected[:, :1]) / 2, atol=2e-5)
+    np.testing.assert_allclose(again.root[:, :2], pose.root[:, :2] / 2, atol=1e-5)
+
+
+def test_missing_joints_are_listed(adult, pose):
+    motion = as_capture(adult, pose)
+    names = tuple(name.replace("lfemur", "lknee").replace("head", "skull") for name in motion.names)
+    with pytest.raises(
+        ValueError, match=r"lacks head \(upperneck or head\), l_knee \(lfemur\); its joints are root"
+    ):
+        find_joints(Motion(names, motion.parents, motion.positions, motion.rest, 30.0, "+Z"))
+
+
+def test_coinciding_joints_are_named(adult, pose):
+    motion = as_capture(adult, pose)
+    positions = motion.positions.copy()
+    positions[7, AT["l_knee"]] = positions[7, AT["l_hip"]]
+    with pytest.raises(ValueError, match="l_knee and l_hip are at the same place in frame 7 of the motion"):
+        retarget(Motion(motion.names, motion.parents, positions, motion.rest, 30.0, "+Z"), adult)
+
+
+# The CMU database
+
+needs_cmu = pytest.mark.skipif(
+    not CMU.is_dir(), reason="the clips of the CMU database are not beside this checkout"
+)
+
+
+def read_clip(path):
+    if path.suffix == ".bvh":
+        return read_bvh(path, CMU_SCALE)
+    return read_asf_amc(path.with_name(path.name[:2] + ".asf"), path)
+
+
+@needs_cmu
+@pytest.mark.parametrize(
+    "path", sorted(CMU.glob("*.amc")) + sorted(CMU.glob("*.bvh")), ids=lambda path: path.name
+)
+def test_cmu_clip(path):
+    motion = read_clip(path)
+    is_valid(motion)
+    assert motion.fps == pytest.approx(120.0, rel=1e-3)
+    parents = list(motion.parents[1:])
+    lengths = np.linalg.norm(motion.positions[:, 1:] - motion.positions[:, parents], axis=-1)
+    at_rest = np.linalg.norm(motion.rest[1:] - motion.rest[parents], axis=-1)
+    np.testing.assert_allclose(lengths, np.broadcast_to(at_rest, lengths.shape), atol=1e-9)
+    # A person in metres, upright most of the time.
+    joints = find_joints(motion)
+    assert 0.6 < np.median(joints[:, AT["pelvis"], 1]) < 1.1
+    assert 1.2 < np.median(joints[:, AT["head"], 1]) < 1.8
+
+
+@needs_cmu
+def test_retarget_cmu_clip(adult):
+    motion = read_clip(CMU / "13_17.amc")
+    pose = retarget(motion, adult)
+    pose = Pose(pose.root[::20], pose.rotations[::20])
+    joints = np.asarray(place_joints(adult, pose)[0], np.float64)
+    # z up from y up: x' = z, y' = x, z' = y.
+    captured = find_joints(motion)[::20][..., [2, 0, 1]]
+
+    def cosine(joint):
+        ours, theirs = (x[:, AT[joint]] - x[:, JOINT_PARENTS[AT[joint]]] for x in (joints, captured))
+        return (ours * theirs).sum(-1) / np.linalg.norm(ours, axis=-1) / np.linalg.norm(theirs, axis=-1)
+
+    for side in ("l_", "r_"):
+        for joint in ("elbow", "hand", "knee", "foot"):
+            assert cosine(side + joint).min() > 1 - 1e-8
+    # The trunk starts from another pose at rest.
+    assert cosine("neck").min() > np.cos(np.deg2rad(5))
+    assert cosine("head").min() > np.cos(np.deg2rad(25))
+    hips, captured_hips = (x[:, AT["l_hip"]] - x[:, AT["r_hip"]] for x in (joints, captured))
+    angle = (
+        (hips * captured_hips).sum(-1)
+        / np.linalg.norm(hips, axis=-1)
+        / np.linalg.norm(captured_hips, axis=-1)
+    )
+    assert angle.min() > np.cos(np.deg2rad(5))
+    ends, radii = place_body(make_body(adult), pose)
+    low = (ends[..., 2] - radii).min((1, 2))
+    assert low.min() > -0.05
+    assert np.median(low) < 0.1
