@@ -59,9 +59,7 @@ class Cameras(eqx.Module):
         return eqx.tree_at(lambda c: c.R, self, np.asarray(self.R) @ rotation.T)
 
 
-def make_cameras(
-    K: Any, R: Any, t: Any, size: Any, dist: Any = None, names: Sequence[str] | None = None
-) -> Cameras:
+def make_cameras(K: Any, R: Any, t: Any, size: Any, dist: Any = None, names: Sequence[str] | None = None) -> Cameras:
     """Check a calibration and build `Cameras` from it.
 
     Args:
@@ -87,33 +85,41 @@ def make_cameras(
     if t.shape not in ((n, 3), (n, 3, 1)):
         raise ValueError(f"t has shape {t.shape} but K holds {n} cameras: give (cams, 3) translations")
     t = t.reshape(n, 3)
-    sizes = _sizes(size, n)
+    sizes = _sizes(size, labels)
     full = _distortion(dist, n)
+    for name, array in (("K", K), ("R", R), ("t", t), ("dist", full)):
+        _check_finite(name, array, labels)
     for i, label in enumerate(labels):
         _check_one(f"camera {label} (index {i})", K[i], R[i], t[i])
-    return Cameras(
-        K=K / K[:, 2:, 2:], R=R, t=t, dist=full, max_radius=_max_radius(full), size=sizes, names=labels
-    )
+    return Cameras(K=K / K[:, 2:, 2:], R=R, t=t, dist=full, max_radius=_max_radius(full), size=sizes, names=labels)
 
 
 def _floats(name: str, value: Any) -> np.ndarray:
     try:
-        array = np.asarray(value, np.float64)
+        return np.asarray(value, np.float64)
     except (TypeError, ValueError):
         raise ValueError(f"{name} is not an array of numbers") from None
+
+
+def _check_finite(name: str, array: np.ndarray, labels: tuple[str, ...]) -> None:
     if not np.isfinite(array).all():
-        where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-        raise ValueError(f"{name} holds NaN or infinity at index {where}: calibrate that camera again")
-    return array
+        i = int(np.argwhere(~np.isfinite(array))[0][0])
+        raise ValueError(f"camera {labels[i]} (index {i}): {name} holds NaN or infinity: calibrate that camera again")
 
 
-def _sizes(size: Any, n: int) -> np.ndarray:
-    sizes = _floats("size", size)
+def _sizes(size: Any, labels: tuple[str, ...]) -> np.ndarray:
+    sizes, n = _floats("size", size), len(labels)
     if sizes.shape not in ((2,), (n, 2)):
         raise ValueError(f"size has shape {sizes.shape}: give (width, height) or one pair for each of {n} cameras")
-    if (sizes < 1).any() or (sizes > 65536).any() or (sizes != np.round(sizes)).any():
-        raise ValueError(f"size {sizes.tolist()}: width and height are whole numbers of pixels, 1 to 65536")
-    return np.broadcast_to(sizes, (n, 2)).astype(np.int64)
+    sizes = np.broadcast_to(sizes, (n, 2))
+    whole = ((sizes >= 1) & (sizes <= 65536) & (sizes == np.round(sizes))).all(1)
+    if not whole.all():
+        i = int(np.argmin(whole))
+        raise ValueError(
+            f"camera {labels[i]} (index {i}): size {sizes[i].tolist()}: width and height are whole numbers of pixels, "
+            "1 to 65536"
+        )
+    return sizes.astype(np.int64)
 
 
 def _distortion(dist: Any, n: int) -> np.ndarray:
@@ -168,7 +174,9 @@ def _max_radius(dist: np.ndarray) -> np.ndarray:
 def project(
     cameras: Cameras, points: Float[Array | np.ndarray, "n 3"]
 ) -> tuple[
-    Float[Array | np.ndarray, "cams n"], Float[Array | np.ndarray, "cams n"], Float[Array | np.ndarray, "cams n"]
+    Float[Array | np.ndarray, "cams n"],
+    Float[Array | np.ndarray, "cams n"],
+    Float[Array | np.ndarray, "cams n"],
 ]:
     """Project world points into every camera.
 
@@ -208,9 +216,7 @@ def _distort(dist: Any, x: Any, y: Any) -> tuple[Any, Any]:
     )
 
 
-def rays(
-    cameras: Cameras, index: int, uv: Float[np.ndarray, "n 2"]
-) -> Float[np.ndarray, "n 3"]:
+def rays(cameras: Cameras, index: int, uv: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
     """Unit viewing directions in the world of image points (px) of one camera: the inverse of [`project`][].
 
     NaN where no direction is seen at that point, because it lies beyond the one-to-one range of the distortion.

@@ -30,9 +30,7 @@ class ProjectionTable(eqx.Module):
     grid: VoxelGrid
 
 
-def projection_table(
-    cameras: Cameras, grid: VoxelGrid, height: int, width: int, min_views: int = 2
-) -> ProjectionTable:
+def projection_table(cameras: Cameras, grid: VoxelGrid, height: int, width: int, min_views: int = 2) -> ProjectionTable:
     """Project every voxel centre of a grid into every camera, in float64.
 
     A voxel falls on the pixel whose centre is nearest (halves round up). It is not seen by a camera that it lies
@@ -130,8 +128,10 @@ def carve(
         words.append(np.asarray(carve_words(frame_words(part, gone), table, max_misses)))
     occupied = np.flatnonzero(words[0]) if len(words) == 1 else np.flatnonzero(np.bitwise_or.reduce(words))
     inside = np.empty((frames, len(occupied)), bool)
-    for f in range(frames):
-        inside[f] = (words[f // FRAMES_PER_WORD][occupied] >> np.uint32(f % FRAMES_PER_WORD)) & 1
+    for i, word in enumerate(words):
+        kept = word[occupied]
+        for f in range(i * FRAMES_PER_WORD, min(frames, (i + 1) * FRAMES_PER_WORD)):
+            inside[f] = (kept >> np.uint32(f % FRAMES_PER_WORD)) & 1
     any_frame = inside.any(0)  # the bits of the padding frames are no one's
     voxels = np.stack(np.unravel_index(occupied[any_frame], table.grid.shape), -1).astype(np.int32)
     return VisualHulls(voxels, inside[:, any_frame], table.grid)

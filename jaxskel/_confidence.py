@@ -41,7 +41,5 @@ def joint_confidence(
         name: np.exp(-((np.linalg.norm(joints[:, JOINT_NAMES.index(name)] - node, axis=-1) / _NODE_SCALE) ** 2))
         for name, node in nodes.items()
     }
-    columns = [
-        limb[:, _LIMB_OF_JOINT[name]] if name in _LIMB_OF_JOINT else trunk[_TRUNK[name]] for name in JOINT_NAMES
-    ]
+    columns = [limb[:, _LIMB_OF_JOINT[name]] if name in _LIMB_OF_JOINT else trunk[_TRUNK[name]] for name in JOINT_NAMES]
     return np.stack(columns, -1).astype(np.float32)

@@ -4,9 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 
-def dtw(
-    a: Float[Array, " a"], length: Int[Array, ""], b: Float[Array, " b"]
-) -> Float[Array, ""]:
+def dtw(a: Float[Array, " a"], length: Int[Array, ""], b: Float[Array, " b"]) -> Float[Array, ""]:
     """Matching cost W(A, B) of the first `length` elements of `a` with all of `b`, with c = |alpha - beta|.
 
     Written for one pair of sequences, to be vmapped; `a` is padded to a fixed length. The two loops unroll: they are

@@ -67,8 +67,16 @@ def initial_poses(limbs: Limbs, facing: Float[np.ndarray, "frames 3"], skeleton:
         goal_middle, goal_end = limbs.at(label, to_middle), limbs.at(label, to_end)
         found = limbs.found[:, label, None]
         hanging = rotations[:, number[girdle]]
-        turn(upper, rest[middle] - rest[top], np.where(found, goal_middle - base, hanging @ (rest[middle] - rest[top])))
-        turn(lower, rest[end] - rest[middle], np.where(found, goal_end - goal_middle, hanging @ (rest[end] - rest[middle])))
+        turn(
+            upper,
+            rest[middle] - rest[top],
+            np.where(found, goal_middle - base, hanging @ (rest[middle] - rest[top])),
+        )
+        turn(
+            lower,
+            rest[end] - rest[middle],
+            np.where(found, goal_end - goal_middle, hanging @ (rest[end] - rest[middle])),
+        )
     return Pose(root=limbs.pelvis.copy(), rotations=rotations)
 
 

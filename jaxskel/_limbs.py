@@ -57,7 +57,11 @@ class Limbs(eqx.Module):
         order[feet, 3:5] = (4, 3)
         rows = np.arange(len(hands))[:, None]
         return Limbs(
-            self.paths[rows, order], self.lengths[rows, order], self.found[rows, order], self.neck, self.pelvis
+            self.paths[rows, order],
+            self.lengths[rows, order],
+            self.found[rows, order],
+            self.neck,
+            self.pelvis,
         )
 
 

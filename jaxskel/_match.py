@@ -4,7 +4,7 @@ A matcher is an object with ``match(ends, skeleton) -> Matches``; both are batch
 """
 
 from itertools import combinations
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -27,6 +27,7 @@ class Matches(eqx.Module):
     """Mean absolute difference of the geodesic distances of the matched end nodes from the template's (m)."""
 
 
+@runtime_checkable
 class Matcher(Protocol):
     """Gives labels to end nodes."""
 

@@ -67,7 +67,9 @@ def place_grid(
 
 
 def body_middles(
-    cameras: Cameras, silhouettes: UInt8[np.ndarray, "frames cams h w8"], lost: Bool[np.ndarray, "frames cams"]
+    cameras: Cameras,
+    silhouettes: UInt8[np.ndarray, "frames cams h w8"],
+    lost: Bool[np.ndarray, "frames cams"],
 ) -> Float[np.ndarray, "frames 3"]:
     """The point nearest to the rays through the centroids of each frame's silhouettes (m)."""
     centroids = silhouette_centroids(silhouettes)

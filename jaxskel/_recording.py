@@ -55,9 +55,7 @@ def pack_silhouettes(masks: Bool[np.ndarray, "frames cams h w"]) -> UInt8[np.nda
     return np.packbits(masks, axis=-1)
 
 
-def unpack_silhouettes(
-    packed: UInt8[np.ndarray, "*batch h w8"], width: int
-) -> Bool[np.ndarray, "*batch h w"]:
+def unpack_silhouettes(packed: UInt8[np.ndarray, "*batch h w8"], width: int) -> Bool[np.ndarray, "*batch h w"]:
     """Unpack bits into boolean masks of the given width (px)."""
     return np.unpackbits(packed, axis=-1, count=width).view(bool)
 

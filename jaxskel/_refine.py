@@ -57,7 +57,12 @@ def refine_frame(
     def one_round(base: Pose, _: None) -> tuple[Pose, tuple[Array, Array]]:
         fixed = objective.correspond(place(skeleton, base), observed)
         solution = optx.least_squares(
-            residuals, solver, parametrisation.unknowns(), args=(base, fixed), max_steps=max_steps, throw=False
+            residuals,
+            solver,
+            parametrisation.unknowns(),
+            args=(base, fixed),
+            max_steps=max_steps,
+            throw=False,
         )
         pose = parametrisation.pose(solution.value, base, skeleton)
         return pose, (solution.result == optx.RESULTS.successful, solution.stats["num_steps"])
@@ -99,7 +104,5 @@ def refine_frames(
         Poses, costs by term and the solver's outcome for every frame. A frame that fails does not harm the others.
     """
     return jax.vmap(
-        lambda pose, frame: refine_frame(
-            objective, parametrisation, solver, skeleton, pose, frame, rounds, max_steps
-        )
+        lambda pose, frame: refine_frame(objective, parametrisation, solver, skeleton, pose, frame, rounds, max_steps)
     )(initial, observed)

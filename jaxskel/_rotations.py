@@ -38,9 +38,7 @@ def aligning(
     return np.where(opposite[..., None, None], half_turn, np.eye(3) + cross + cross @ cross * scale)
 
 
-def frame(
-    up: Float[np.ndarray, "*batch 3"], left: Float[np.ndarray, "*batch 3"]
-) -> Float[np.ndarray, "*batch 3 3"]:
+def frame(up: Float[np.ndarray, "*batch 3"], left: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3 3"]:
     """Rotation with columns (front, left, up): `up` is kept, `left` made perpendicular to it."""
     z = up / np.maximum(np.linalg.norm(up, axis=-1, keepdims=True), 1e-9)
     x = np.cross(left, z)

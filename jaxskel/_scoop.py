@@ -86,7 +86,11 @@ class _Wave:
 
     def _around(self, voxels: np.ndarray, half: bool) -> np.ndarray:
         local = voxels % self.stride
-        around = self.neighbours.take(local, 0, mode="clip") if not half else self.neighbours[:, _HALF].take(local, 0, mode="clip")
+        around = (
+            self.neighbours.take(local, 0, mode="clip")
+            if not half
+            else self.neighbours[:, _HALF].take(local, 0, mode="clip")
+        )
         around += (voxels - local)[:, None]
         return around
 
@@ -138,9 +142,7 @@ class _Nodes:
         for f in range(count):
             mine = order[start[f] : start[f + 1]]
             up = parents[mine]
-            graphs.append(
-                SkeletalGraph(positions[mine], np.where(up >= 0, local[up], -1), extents[mine] / 2)
-            )
+            graphs.append(SkeletalGraph(positions[mine], np.where(up >= 0, local[up], -1), extents[mine] / 2))
         return graphs
 
 

@@ -16,7 +16,9 @@ _ANKLE, _KNEE, _THIGH, _UPPER_ARM = 0.20, 0.52, 0.85, 0.80
 _FACING_SCALE, _APART_SCALE = 0.10, 0.08
 
 
-def tell_sides(limbs: Limbs, skeleton: Skeleton) -> tuple[Limbs, Float[np.ndarray, "frames 3"], Float[np.ndarray, " frames"]]:
+def tell_sides(
+    limbs: Limbs, skeleton: Skeleton
+) -> tuple[Limbs, Float[np.ndarray, "frames 3"], Float[np.ndarray, " frames"]]:
     """Give left and right to the two hands and the two feet.
 
     Args:

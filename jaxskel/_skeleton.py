@@ -101,9 +101,7 @@ def make_skeleton(rest_joints: np.ndarray, rest_tips: np.ndarray) -> Skeleton:
     return skeleton
 
 
-def forward_kinematics(
-    skeleton: Skeleton, pose: Pose
-) -> tuple[Float[Array, "joints=15 3"], Float[Array, "tips=5 3"]]:
+def forward_kinematics(skeleton: Skeleton, pose: Pose) -> tuple[Float[Array, "joints=15 3"], Float[Array, "tips=5 3"]]:
     """Place joints and tips of one frame in the world (m). Bone lengths are those of the template exactly."""
     rest = jnp.asarray(skeleton.rest_joints)
     placed: list[Array] = [jnp.asarray(pose.root)]

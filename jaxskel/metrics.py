@@ -120,9 +120,7 @@ def score(
     Raises:
         ValueError: The arrays do not belong together, or no frame is left.
     """
-    if len(truth_joints) != len(poses_joints) or (
-        has_pose is not None and len(has_pose) != len(poses_joints)
-    ):
+    if len(truth_joints) != len(poses_joints) or (has_pose is not None and len(has_pose) != len(poses_joints)):
         raise ValueError(
             f"score: {len(poses_joints)} frames of poses but {len(truth_joints)} of truth"
             + ("" if has_pose is None else f" and {len(has_pose)} flags of has_pose")

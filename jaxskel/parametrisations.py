@@ -1,6 +1,6 @@
 """How a pose is written as unknowns of a least squares problem, so that bone lengths hold."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -16,6 +16,7 @@ _BONES = tuple(range(2, len(SEGMENT_NAMES)))
 _JOINT_OF_BONE = tuple(SEGMENT_OF_JOINT.index(s) for s in _BONES)
 
 
+@runtime_checkable
 class Parametrisation(Protocol):
     """Writes the pose of one frame relative to a base pose; zero unknowns are the base pose itself."""
 

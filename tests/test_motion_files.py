@@ -5,19 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jaxskel._skeleton import JOINT_NAMES, JOINT_PARENTS, Pose, default_adult
+from jaxskel._skeleton import JOINT_NAMES
 from jaxskel.synthetic import (
-    Motion,
-    demo_motion,
     find_joints,
-    make_body,
     parse_asf_amc,
     parse_bvh,
-    place_body,
-    place_joints,
     read_asf_amc,
     read_bvh,
-    retarget,
 )
 
 CMU = Path(__file__).parents[2] / "shared" / "data" / "cmu"
@@ -186,8 +180,8 @@ def test_biovision_layout_is_free():
         ("length 2", "length nan", "ASF:17: 'nan' should be a number"),
         ("dof rz", "dof rz l", "ASF:19: the channels 'rz l'"),
         ("name arm", "name spine", "two bones have the same name"),
-        ("    spine arm", "    arm spine", "ASF:37: bone 'arm' has children before it has a parent"),
-        ("    spine arm", "    spine spine", "ASF:37: 'spine' is not a bone, or has a parent already"),
+        ("    spine arm", "    arm spine", "ASF:35: bone 'arm' has children before it has a parent"),
+        ("    spine arm", "    spine spine", "ASF:35: 'spine' is not a bone, or has a parent already"),
         ("    spine arm", "", "the hierarchy does not hold arm"),
     ],
 )
@@ -200,20 +194,19 @@ def test_broken_asf(old, new, message):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("arm 0 0\n2", "arm 0\n2", r"AMC:6: arm needs 2 values \(rx ry\), not 1"),
-        ("arm 0 0\n2", "leg 0 0\n2", "AMC:6: 'leg' is not a moving bone of this skeleton"),
-        ("arm 0 0\n2", "2", "AMC:6: frame 1 of the file lacks arm"),
-        ("arm 0 0\n2", "spine 0\n2", "AMC:6: spine is given twice"),
+        ("arm 0 0\n2", "arm 0\n2", r"AMC:7: arm needs 2 values \(rx ry\), not 1"),
+        ("arm 0 0\n2", "leg 0 0\n2", "AMC:7: 'leg' is not a moving bone of this skeleton"),
+        ("arm 0 0\n2", "2", "AMC:7: frame 1 of the file lacks arm"),
+        ("arm 0 0\n2", "spine 0\n2", "AMC:7: spine is given twice"),
         ("arm 90 0\n", "", "frame 5 of the file lacks arm"),
-        ("1\nroot", "root", "AMC:3|AMC:4: values before the number"),
+        ("1\nroot", "root", "AMC:4: values before the number"),
         ("root 1 2 3", "root 1 two 3", "AMC:5: 'two' should be a number"),
     ],
 )
 def test_broken_amc(old, new, message):
-    text = AMC.replace("#!made by hand\n", "").replace(":FULLY", "\n:FULLY")
-    assert old in text
+    assert old in AMC
     with pytest.raises(ValueError, match=message):
-        parse_asf_amc(ASF, text.replace(old, new, 1))
+        parse_asf_amc(ASF, AMC.replace(old, new, 1))
 
 
 def test_empty_amc():
@@ -294,19 +287,17 @@ def is_valid(motion):
 
 
 def never_crashes(parse, *texts):
+    message = "not refused"
     try:
-        motion = parse(*texts)
+        is_valid(parse(*texts))
     except ValueError as error:
-        assert str(error)
-        assert "\n" not in str(error)
-    else:
-        is_valid(motion)
+        message = str(error)
+    assert len(message.splitlines()) == 1
 
 
 JUNK = st.one_of(
-    st.sampled_from(
-        "{ } -1 0 1e308 nan inf ² 1_0 99999999999 ROOT JOINT End OFFSET CHANNELS MOTION Frames: begin end root : #".split()
-    ),
+    st.sampled_from("{ } -1 0 1e308 nan inf ² 1_0 99999999999 ROOT JOINT End OFFSET CHANNELS".split()),
+    st.sampled_from("MOTION Frames: begin end root spine : #".split()),
     st.text(max_size=5),
 )
 
@@ -344,111 +335,6 @@ def test_any_text(first, second):
     never_crashes(parse_bvh, first + "\nMOTION\n" + second)
 
 
-# Retargeting
-
-ACCLAIM_NAMES = {
-    "pelvis": "root", "neck": "thorax", "head": "head", "shoulder": "clavicle", "elbow": "humerus", "hand": "hand",
-    "hip": "hipjoint", "knee": "femur", "foot": "foot",
-}  # fmt: skip
-MIXAMO_NAMES = {
-    "pelvis": "Hips", "neck": "Neck", "head": "Head", "shoulder": "Arm", "elbow": "ForeArm", "hand": "Hand",
-    "hip": "UpLeg", "knee": "Leg", "foot": "ToeBase",
-}  # fmt: skip
-BIOVISION_NAMES = {
-    "pelvis": "Hips", "neck": "Neck", "head": "Head", "shoulder": "Shoulder", "elbow": "Elbow", "hand": "Wrist",
-    "hip": "Hip", "knee": "Knee", "foot": "Toe",
-}  # fmt: skip
-TABLES = {
-    "acclaim": (ACCLAIM_NAMES, {"l_": "l", "r_": "r"}, ""),
-    "mixamo": (MIXAMO_NAMES, {"l_": "Left", "r_": "Right"}, "mixamorig:"),
-    "biovision": (BIOVISION_NAMES, {"l_": "Left", "r_": "Right"}, ""),
-}
-
-
-def as_capture(skeleton, pose, table="acclaim", turn=None, up="+Z"):
-    """The joints of our own motion as a file would hold them, in a world turned by `turn`."""
-    names, sides, prefix = TABLES[table]
-    turn = np.eye(3) if turn is None else turn
-    named = tuple(
-        prefix + (sides[joint[:2]] + names[joint[2:]] if joint[:2] in sides else names[joint])
-        for joint in JOINT_NAMES
-    )
-    joints = np.asarray(place_joints(skeleton, pose)[0], np.float64)
-    return Motion(named, JOINT_PARENTS, joints @ turn.T, np.asarray(skeleton.rest_joints) @ turn.T, 30.0, up)
-
-
-@pytest.fixture(scope="module")
-def adult():
-    return default_adult()
-
-
-@pytest.fixture(scope="module")
-def pose(adult):
-    return demo_motion(adult, 60, 5.0)
-
-
-@pytest.mark.parametrize("table", TABLES)
-def test_retarget_undoes_forward_kinematics(adult, pose, table):
-    again = retarget(as_capture(adult, pose, table), adult)
-    joints, expected = (np.asarray(place_joints(adult, p)[0], np.float64) for p in (again, pose))
-    np.testing.assert_allclose(joints - joints[:, :1], expected - expected[:, :1], atol=2e-5)
-    np.testing.assert_allclose(again.root[:, :2], pose.root[:, :2], atol=1e-5)
-    # Raised as a whole by the height that the feet have over the floor.
-    assert np.ptp(again.root[:, 2] - pose.root[:, 2]) < 0.05
-    rotations = again.rotations
-    np.testing.assert_allclose(
-        rotations @ rotations.swapaxes(-1, -2), np.broadcast_to(np.eye(3), rotations.shape), atol=1e-9
-    )
-    assert (np.linalg.det(rotations) > 0).all()
-
-
-def test_retarget_turns_limbs_about_themselves(adult, pose):
-    again = retarget(as_capture(adult, pose), adult)
-    toes, expected = (np.asarray(place_joints(adult, p)[1])[:, 3:] for p in (again, pose))
-    joints, joints_expected = (np.asarray(place_joints(adult, p)[0])[:, [11, 14]] for p in (again, pose))
-    # Toes point within some degrees of where they should, though no joint of the capture shows it.
-    cosine = ((toes - joints) * (expected - joints_expected)).sum(-1)
-    cosine /= np.linalg.norm(toes - joints, axis=-1) ** 2
-    assert cosine.min() > np.cos(np.deg2rad(15))
-
-
-def test_retarget_is_the_same_with_another_axis_up(adult, pose):
-    # x' = y, y' = z, z' = x.
-    turn = np.array([[0, 1.0, 0], [0, 0, 1.0], [1.0, 0, 0]])
-    one, other = (
-        retarget(as_capture(adult, pose, turn=t, up=up), adult) for t, up in ((None, "+Z"), (turn, "+Y"))
-    )
-    np.testing.assert_allclose(other.root, one.root, atol=1e-6)
-    np.testing.assert_allclose(other.rotations, one.rotations, atol=1e-6)
-
-
-def test_retarget_to_another_size(adult, pose):
-    small = adult.scaled(0.5)
-    again = retarget(as_capture(adult, pose), small)
-    joints, expected = (
-        np.asarray(place_joints(s, p)[0], np.float64) for s, p in ((small, again), (adult, pose))
-    )
-    np.testing.assert_allclose(joints - joints[:, :1], (expected - expected[:, :1]) / 2, atol=2e-5)
-    np.testing.assert_allclose(again.root[:, :2], pose.root[:, :2] / 2, atol=1e-5)
-
-
-def test_missing_joints_are_listed(adult, pose):
-    motion = as_capture(adult, pose)
-    names = tuple(name.replace("lfemur", "lknee").replace("head", "skull") for name in motion.names)
-    with pytest.raises(
-        ValueError, match=r"lacks head \(upperneck or head\), l_knee \(lfemur\); its joints are root"
-    ):
-        find_joints(Motion(names, motion.parents, motion.positions, motion.rest, 30.0, "+Z"))
-
-
-def test_coinciding_joints_are_named(adult, pose):
-    motion = as_capture(adult, pose)
-    positions = motion.positions.copy()
-    positions[7, AT["l_knee"]] = positions[7, AT["l_hip"]]
-    with pytest.raises(ValueError, match="l_knee and l_hip are at the same place in frame 7 of the motion"):
-        retarget(Motion(motion.names, motion.parents, positions, motion.rest, 30.0, "+Z"), adult)
-
-
 # The CMU database
 
 needs_cmu = pytest.mark.skipif(
@@ -475,38 +361,7 @@ def test_cmu_clip(path):
     at_rest = np.linalg.norm(motion.rest[1:] - motion.rest[parents], axis=-1)
     np.testing.assert_allclose(lengths, np.broadcast_to(at_rest, lengths.shape), atol=1e-9)
     # A person in metres, upright most of the time.
-    joints = find_joints(motion)
-    assert 0.6 < np.median(joints[:, AT["pelvis"], 1]) < 1.1
-    assert 1.2 < np.median(joints[:, AT["head"], 1]) < 1.8
-
-
-@needs_cmu
-def test_retarget_cmu_clip(adult):
-    motion = read_clip(CMU / "13_17.amc")
-    pose = retarget(motion, adult)
-    pose = Pose(pose.root[::20], pose.rotations[::20])
-    joints = np.asarray(place_joints(adult, pose)[0], np.float64)
-    # z up from y up: x' = z, y' = x, z' = y.
-    captured = find_joints(motion)[::20][..., [2, 0, 1]]
-
-    def cosine(joint):
-        ours, theirs = (x[:, AT[joint]] - x[:, JOINT_PARENTS[AT[joint]]] for x in (joints, captured))
-        return (ours * theirs).sum(-1) / np.linalg.norm(ours, axis=-1) / np.linalg.norm(theirs, axis=-1)
-
-    for side in ("l_", "r_"):
-        for joint in ("elbow", "hand", "knee", "foot"):
-            assert cosine(side + joint).min() > 1 - 1e-8
-    # The trunk starts from another pose at rest.
-    assert cosine("neck").min() > np.cos(np.deg2rad(5))
-    assert cosine("head").min() > np.cos(np.deg2rad(25))
-    hips, captured_hips = (x[:, AT["l_hip"]] - x[:, AT["r_hip"]] for x in (joints, captured))
-    angle = (
-        (hips * captured_hips).sum(-1)
-        / np.linalg.norm(hips, axis=-1)
-        / np.linalg.norm(captured_hips, axis=-1)
-    )
-    assert angle.min() > np.cos(np.deg2rad(5))
-    ends, radii = place_body(make_body(adult), pose)
-    low = (ends[..., 2] - radii).min((1, 2))
-    assert low.min() > -0.05
-    assert np.median(low) < 0.1
+    height = find_joints(motion)[..., 1]
+    above_feet = height - height[:, [AT["l_foot"], AT["r_foot"]]].min(1, keepdims=True)
+    assert 0.6 < np.median(above_feet[:, AT["pelvis"]]) < 1.1
+    assert 1.2 < np.median(above_feet[:, AT["head"]]) < 1.8

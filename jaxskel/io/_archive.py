@@ -56,9 +56,7 @@ def numbers(
     bad = ~(np.abs(array) < _MAX_NUMBER) & ~(nan & np.isnan(array))
     if bad.any():
         where = tuple(int(i) for i in np.argwhere(bad)[0])
-        raise fault(
-            path, key, f"holds {array[where]} at index {where}; give finite numbers in metres or pixels"
-        )
+        raise fault(path, key, f"holds {array[where]} at index {where}; give finite numbers in metres or pixels")
     return array
 
 
@@ -95,24 +93,18 @@ def read_arrays(path: Path, required: tuple[str, ...], optional: tuple[str, ...]
         for key, info in wanted.items():
             _check_claims(path, key, archive, info, on_disk)
         if sum(info.file_size for info in wanted.values()) > _MAX_BYTES:
-            raise fault(
-                path, required[0], f"the arrays need more than {_MAX_BYTES >> 30} GiB; split the recording"
-            )
+            raise fault(path, required[0], f"the arrays need more than {_MAX_BYTES >> 30} GiB; split the recording")
         arrays = {}
         for key, info in wanted.items():
             try:
                 with archive.open(info) as stream:
                     arrays[key] = np.load(stream, allow_pickle=False)
             except Exception as error:  # checksum, deflate stream, memory, ...
-                raise fault(
-                    path, key, f"is damaged ({type(error).__name__}: {error}); write it again"
-                ) from None
+                raise fault(path, key, f"is damaged ({type(error).__name__}: {error}); write it again") from None
         return arrays
 
 
-def _check_claims(
-    path: Path, key: str, archive: zipfile.ZipFile, info: zipfile.ZipInfo, on_disk: int
-) -> None:
+def _check_claims(path: Path, key: str, archive: zipfile.ZipFile, info: zipfile.ZipInfo, on_disk: int) -> None:
     ratio = {zipfile.ZIP_STORED: 1, zipfile.ZIP_DEFLATED: _MAX_DEFLATE_RATIO}.get(info.compress_type)
     if ratio is None:
         raise fault(path, key, "is compressed in an unknown way; write it with numpy.savez_compressed")
@@ -130,9 +122,7 @@ def _check_claims(
             shape, _, dtype = read_header(stream)
             begin = stream.tell()
     except Exception as error:  # the header is a Python expression: hostile ones raise anything
-        raise fault(
-            path, key, f"is not a NumPy array ({type(error).__name__}); write numpy.savez_compressed"
-        ) from None
+        raise fault(path, key, f"is not a NumPy array ({type(error).__name__}); write numpy.savez_compressed") from None
     if dtype.hasobject:
         raise fault(
             path,

@@ -44,9 +44,7 @@ def write_poses(folder: str | Path, poses: Poses) -> tuple[Path, Path]:
         for i, has_pose in enumerate(poses.has_pose):
             row = [str(poses.frame_index[i]), f"{i / poses.fps:.6f}", STATUS_NAMES[poses.status[i]]]
             if has_pose:
-                row += [f"{x:.6f}" for x in poses.joints[i].ravel()] + [
-                    f"{c:.4f}" for c in poses.confidence[i]
-                ]
+                row += [f"{x:.6f}" for x in poses.joints[i].ravel()] + [f"{c:.4f}" for c in poses.confidence[i]]
             else:
                 row += [""] * (4 * len(JOINT_NAMES))
             rows.writerow(row)
@@ -79,9 +77,7 @@ def read_poses(path: str | Path) -> Poses:
         or status.dtype.kind not in "iu"
         or not ((status >= 0) & (status < len(STATUS_NAMES))).all()
     ):
-        raise fault(
-            path, "status", f"give {n} whole numbers, each the index of one of {', '.join(STATUS_NAMES)}"
-        )
+        raise fault(path, "status", f"give {n} whole numbers, each the index of one of {', '.join(STATUS_NAMES)}")
     tips = numbers(path, arrays, "tips", (n, 5, 3), nan=True)
     has_pose = np.isin(status, WITH_POSE)
     for key, points in (("joints", joints), ("tips", tips)):

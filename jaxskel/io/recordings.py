@@ -79,9 +79,7 @@ def _cameras(path: Path, arrays: dict[str, np.ndarray]) -> Cameras:
     if "camera_names" in arrays:
         names = texts(path, arrays, "camera_names")
         if len(names) != n or len(set(names)) != n:
-            raise fault(
-                path, "camera_names", f"give {n} different names, one for each camera of K, not {names}"
-            )
+            raise fault(path, "camera_names", f"give {n} different names, one for each camera of K, not {names}")
     # One key at a time beside harmless others, so that the key at fault is known.
     given = {"K": K, "R": np.tile(np.eye(3), (n, 1, 1)), "t": np.zeros((n, 3)), "size": (1, 1)}
     cameras = None
@@ -98,9 +96,7 @@ def _cameras(path: Path, arrays: dict[str, np.ndarray]) -> Cameras:
 
 def _silhouettes(path: Path, masks: np.ndarray, cameras: Cameras) -> np.ndarray:
     if masks.ndim != 4 or masks.dtype not in (np.uint8, np.bool_):
-        raise fault(
-            path, "silhouettes", f"{masks.dtype} of shape {masks.shape}; give uint8 (frames, cams, h, w/8)"
-        )
+        raise fault(path, "silhouettes", f"{masks.dtype} of shape {masks.shape}; give uint8 (frames, cams, h, w/8)")
     frames, cams, height, across = masks.shape
     width, tallest = (int(n) for n in cameras.size.max(axis=0))
     if frames == 0:
@@ -119,9 +115,7 @@ def _silhouettes(path: Path, masks: np.ndarray, cameras: Cameras) -> np.ndarray:
         packed = masks
     else:
         if masks.dtype == np.uint8 and ((masks > 1) & (masks < 255)).any():
-            raise fault(
-                path, "silhouettes", "unpacked masks hold values between 1 and 255; threshold them first"
-            )
+            raise fault(path, "silhouettes", "unpacked masks hold values between 1 and 255; threshold them first")
         packed = np.packbits(masks != 0, axis=-1)
     for camera, (w, h) in enumerate(cameras.size.tolist()):
         view = packed[:, camera]
@@ -159,9 +153,7 @@ def truth(path: Path, arrays: dict[str, np.ndarray], frames: int | None) -> Trut
         return None
     joints = numbers(path, arrays, "joints", (frames, 15, 3), nan=True)
     tips = numbers(path, arrays, "tips", (len(joints), 5, 3), nan=True) if "tips" in arrays else None
-    together = (
-        {"joints": joints} if tips is None else {"joints": joints, "tips": np.concatenate([joints, tips], 1)}
-    )
+    together = {"joints": joints} if tips is None else {"joints": joints, "tips": np.concatenate([joints, tips], 1)}
     for key, points in together.items():
         # fmax and fmin step over NaN without a warning.
         extent = (np.fmax.reduce(points, axis=1) - np.fmin.reduce(points, axis=1)).max(axis=1)

@@ -69,9 +69,7 @@ def read_subject(path: str | Path) -> Skeleton:
     for i, (point, parent) in enumerate(zip(_POINTS, _PARENTS, strict=True)):
         if parent >= 0:
             bone = points[i] - points[parent]
-            built[i] = built[parent] + bone * (
-                lengths.get(point, np.linalg.norm(bone)) / np.linalg.norm(bone)
-            )
+            built[i] = built[parent] + bone * (lengths.get(point, np.linalg.norm(bone)) / np.linalg.norm(bone))
     try:
         return make_skeleton(built[: len(JOINT_NAMES)], built[len(JOINT_NAMES) :])
     except ValueError as error:
@@ -122,9 +120,7 @@ def _parse(path: Path) -> tuple[float | None, dict[str, float]]:
             if side + key in measured or key in measured:
                 lengths[side + point] = measured.get(side + key, measured.get(key, 0.0))
     if stature is None and not lengths:
-        raise fault(
-            path, "stature", "is missing; give the standing height in metres, stature = 1.75, or lengths"
-        )
+        raise fault(path, "stature", "is missing; give the standing height in metres, stature = 1.75, or lengths")
     return stature, lengths
 
 

@@ -181,9 +181,7 @@ def _checked(bone: _Bone | None, where: str) -> _Bone:
     if bone is None:
         raise ValueError(f"{where}: 'end' without 'begin'")
     if not bone.name or not bone.direction.any() or bone.length < 0:
-        raise ValueError(
-            f"{bone.where}: this bone needs a name, a direction and a length that is not negative"
-        )
+        raise ValueError(f"{bone.where}: this bone needs a name, a direction and a length that is not negative")
     return bone
 
 
@@ -256,9 +254,7 @@ def _complaint(words: list[str], bone: _Bone | None, frames: int) -> str:
     if bone is None:
         return f"{words[0][:40]!r} is not a moving bone of this skeleton; is it the ASF of the same actor?"
     if len(words) - 1 != len(bone.channels):
-        return (
-            f"{bone.name} needs {len(bone.channels)} values ({' '.join(bone.channels)}), not {len(words) - 1}"
-        )
+        return f"{bone.name} needs {len(bone.channels)} values ({' '.join(bone.channels)}), not {len(words) - 1}"
     if frames == 0:
         return "values before the number of the first frame"
     return f"{bone.name} is given twice in one frame"

@@ -22,9 +22,7 @@ from .._skeleton import (
 )
 
 # The joint that each segment turns about: where the bones start that it carries.
-_PROXIMAL = np.array(
-    [JOINT_PARENTS[SEGMENT_OF_JOINT.index(s)] if s else 0 for s in range(len(SEGMENT_NAMES))]
-)
+_PROXIMAL = np.array([JOINT_PARENTS[SEGMENT_OF_JOINT.index(s)] if s else 0 for s in range(len(SEGMENT_NAMES))])
 
 # Cross sections of the trunk from seat to shoulders: segment, height as a fraction of the way from pelvis to
 # neck, shift to the front, distance of the outer balls from the middle, their radius and that of the middle
@@ -58,9 +56,7 @@ class Body(eqx.Module):
 
 def make_body(skeleton: Skeleton) -> Body:
     """Put flesh on a skeleton of any proportions: radii are fractions of its stature."""
-    rest: dict[str, np.ndarray] = dict(
-        zip(JOINT_NAMES, np.asarray(skeleton.rest_joints, np.float64), strict=True)
-    )
+    rest: dict[str, np.ndarray] = dict(zip(JOINT_NAMES, np.asarray(skeleton.rest_joints, np.float64), strict=True))
     rest |= dict(zip(TIP_NAMES, np.asarray(skeleton.rest_tips, np.float64), strict=True))
     stature = skeleton.stature
     capsules = _trunk(rest, stature) + _head(rest, stature)
@@ -170,9 +166,7 @@ def _arm(rest: dict[str, np.ndarray], stature: float, side: str) -> list[tuple[E
         end = tip - (short + 0.009) * stature * fingers + shift * 0.7 * across
         capsules.append(((forearm, hand + shift * across, 0.0165), (forearm, end, 0.009)))
     thumb = wrist + 0.3 * (hand - wrist) + 0.010 * across
-    capsules.append(
-        ((forearm, thumb, 0.012), (forearm, hand + 0.034 * across + 0.012 * stature * fingers, 0.008))
-    )
+    capsules.append(((forearm, thumb, 0.012), (forearm, hand + 0.034 * across + 0.012 * stature * fingers, 0.008)))
     return capsules
 
 

@@ -133,15 +133,9 @@ def _new_joint(words: list[str], joints: list[_Joint], stack: list[int], where: 
 
 def _channels(words: list[str], where: str) -> tuple[str, ...]:
     channels = tuple(word.lower() for word in words[1:])
-    if (
-        not words
-        or words[0] != str(len(channels))
-        or not set(channels) <= set(_CHANNELS)
-        or len(channels) > 6
-    ):
+    if not words or words[0] != str(len(channels)) or not set(channels) <= set(_CHANNELS) or len(channels) > 6:
         raise ValueError(
-            f"{where}: CHANNELS {' '.join(words)[:80]!r} should be a number and so many of Xposition ... "
-            "Zrotation"
+            f"{where}: CHANNELS {' '.join(words)[:80]!r} should be a number and so many of Xposition ... Zrotation"
         )
     return channels
 
@@ -164,10 +158,7 @@ def _parse_motion(lines: list[str], first: int, joints: list[_Joint], name: str)
         raise ValueError(f"{name}:{at_time}: a frame time of {seconds} s; it must be positive")
     columns = sum(len(joint.channels) for joint in joints)
     found = sum(len(words) for _, words in body)
-    if (
-        not (declared.isascii() and declared.isdigit() and len(declared) < 10)
-        or int(declared) * columns != found
-    ):
+    if not (declared.isascii() and declared.isdigit() and len(declared) < 10) or int(declared) * columns != found:
         raise ValueError(
             f"{name}:{at}: 'Frames: {declared[:40]}' of {columns} channels do not agree with the {found} "
             "numbers in the file"

@@ -41,9 +41,7 @@ def read_text(path: Path) -> str:
     if not path.is_file():
         raise ValueError(f"{path}: no such file")
     if path.stat().st_size > _MOST_BYTES:
-        raise ValueError(
-            f"{path}: {path.stat().st_size} bytes are more than the {_MOST_BYTES} that a clip may have"
-        )
+        raise ValueError(f"{path}: {path.stat().st_size} bytes are more than the {_MOST_BYTES} that a clip may have")
     return path.read_bytes().decode("latin-1")
 
 
@@ -68,9 +66,7 @@ def to_vector(words: Sequence[str], where: str) -> Float[np.ndarray, "3"]:
 def check_size(frames: int, joints: int, where: str) -> None:
     """Refuse clips without frames, and such as would fill the memory, before anything is allocated."""
     if frames < 1 or joints < 1:
-        raise ValueError(
-            f"{where}: the file holds {frames} frames of {joints} joints: it is cut short or not a motion"
-        )
+        raise ValueError(f"{where}: the file holds {frames} frames of {joints} joints: it is cut short or not a motion")
     if joints > _MOST_JOINTS or frames * joints > _MOST_POSITIONS:
         raise ValueError(
             f"{where}: {frames} frames of {joints} joints are more than the {_MOST_JOINTS} joints and "

@@ -93,9 +93,7 @@ def demo_motion(skeleton: Skeleton, frames: int = 60, fps: float = 5.0) -> Pose:
         their places while they carry the body.
     """
     if frames < 1 or not fps > 0:
-        raise ValueError(
-            f"frames = {frames} and fps = {fps}: give at least one frame and a positive frame rate"
-        )
+        raise ValueError(f"frames = {frames} and fps = {fps}: give at least one frame and a positive frame rate")
     seconds = (np.arange(frames) / fps) % DURATION
     angle = {name: np.deg2rad(PchipInterpolator(*_tails(keys))(seconds)) for name, keys in _KEYS.items()}
     rotations = _rotations(skeleton, angle)
@@ -104,9 +102,7 @@ def demo_motion(skeleton: Skeleton, frames: int = 60, fps: float = 5.0) -> Pose:
 
 def _tails(keys: Keys) -> tuple[np.ndarray, np.ndarray]:
     times, values = np.array(keys).T
-    return np.concatenate([[-1.0], times, [DURATION + 1.0]]), np.concatenate(
-        [values[:1], values, values[-1:]]
-    )
+    return np.concatenate([[-1.0], times, [DURATION + 1.0]]), np.concatenate([values[:1], values, values[-1:]])
 
 
 def _rotations(skeleton: Skeleton, angle: dict[str, np.ndarray]) -> np.ndarray:
@@ -120,10 +116,7 @@ def _rotations(skeleton: Skeleton, angle: dict[str, np.ndarray]) -> np.ndarray:
         collar = _COLLAR_SHARE * np.maximum(np.maximum(abduct, raised) - _COLLAR_FROM, 0.0)
         turned[side + "clavicle"] = turned["chest"] @ turn("x", sign * collar)
         shoulder = (
-            turned["chest"]
-            @ turn("x", sign * abduct)
-            @ turn("y", -raised)
-            @ turn("z", -sign * angle[side + "twist"])
+            turned["chest"] @ turn("x", sign * abduct) @ turn("y", -raised) @ turn("z", -sign * angle[side + "twist"])
         )
         turned[side + "upper_arm"] = shoulder @ _hanging(skeleton, side + "shoulder", side + "elbow")
         elbow = shoulder @ turn("y", -angle[side + "elbow"])
@@ -149,8 +142,7 @@ def _stand(skeleton: Skeleton, rotations: np.ndarray, facing: np.ndarray) -> np.
     """Pelvis positions that put the body's lowest point on the floor and leave the carrying feet in place."""
     ends, radii = place_body(make_body(skeleton), Pose(np.zeros((len(rotations), 3)), rotations))
     joints, tips = (
-        np.asarray(x, np.float64)
-        for x in place_joints(skeleton, Pose(np.zeros((len(rotations), 3)), rotations))
+        np.asarray(x, np.float64) for x in place_joints(skeleton, Pose(np.zeros((len(rotations), 3)), rotations))
     )
     balls = joints[:, [JOINT_NAMES.index("l_foot"), JOINT_NAMES.index("r_foot")]]
     toes = tips[:, [TIP_NAMES.index("l_toetip"), TIP_NAMES.index("r_toetip")]]

@@ -65,9 +65,7 @@ def render_view(
     ):
         if top < bottom and left < right:
             directions = view.directions[top:bottom, left:right]
-            mask[top:bottom, left:right] |= _meets(
-                directions, start, end - start, radius, end_radius - radius
-            )
+            mask[top:bottom, left:right] |= _meets(directions, start, end - start, radius, end_radius - radius)
     return mask
 
 
@@ -99,9 +97,7 @@ def render(
     return packed
 
 
-def _meets(
-    directions: np.ndarray, start: np.ndarray, axis: np.ndarray, radius: float, growth: float
-) -> np.ndarray:
+def _meets(directions: np.ndarray, start: np.ndarray, axis: np.ndarray, radius: float, growth: float) -> np.ndarray:
     """Whether half lines from the origin meet a ball of radius ``radius + s growth`` at ``start + s axis``.
 
     The squared distance of the axis point s to a line, less the squared radius there, is the quadratic

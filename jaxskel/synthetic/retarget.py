@@ -127,18 +127,14 @@ def _trunk(joints: np.ndarray, bones: np.ndarray) -> dict[str, np.ndarray]:
         "head": _frames(head, np.cross(shoulders, head)),
     }
     front = axes["chest"][..., 1]
-    return axes | {
-        side + "clavicle": _frames(bones[:, _AT[side + "shoulder"]], front) for side in ("l_", "r_")
-    }
+    return axes | {side + "clavicle": _frames(bones[:, _AT[side + "shoulder"]], front) for side in ("l_", "r_")}
 
 
 def _facing(joints: np.ndarray) -> np.ndarray:
     """Front, left and up of a body that stands upright, as columns."""
     left = (joints[0, _AT["l_hip"]] - joints[0, _AT["r_hip"]]) * [1.0, 1.0, 0.0]
     if np.linalg.norm(left) < 1e-6:
-        raise ValueError(
-            "the motion has no left and right hip beside each other at rest; does its up axis hold?"
-        )
+        raise ValueError("the motion has no left and right hip beside each other at rest; does its up axis hold?")
     left /= np.linalg.norm(left)
     up = np.array([0.0, 0.0, 1.0])
     return np.stack([np.cross(left, up), left, up], -1)

@@ -17,9 +17,7 @@ def look_at(centre: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndar
     forward = (target - centre) / np.linalg.norm(target - centre)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     if np.linalg.norm(right) < 1e-6:
-        raise ValueError(
-            "look_at: the camera looks straight up or down, so its horizon is not defined; move it aside"
-        )
+        raise ValueError("look_at: the camera looks straight up or down, so its horizon is not defined; move it aside")
     right /= np.linalg.norm(right)
     rotation = np.stack([right, np.cross(forward, right), forward])
     return rotation, -rotation @ centre
@@ -92,9 +90,7 @@ def make_scene(
     skeleton = default_adult() if skeleton is None else skeleton
     motion = demo_motion(skeleton, frames, fps) if motion is None else motion
     if np.ndim(motion.root) != 2:
-        raise ValueError(
-            f"motion: root has shape {np.shape(motion.root)}: give a stack of poses, (frames, 3)"
-        )
+        raise ValueError(f"motion: root has shape {np.shape(motion.root)}: give a stack of poses, (frames, 3)")
     ends, radii = place_body(make_body(skeleton), motion)
     joints, tips = place_joints(skeleton, motion)
     return Recording(

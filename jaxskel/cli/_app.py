@@ -1,0 +1,48 @@
+"""The commands, and how they end: 0 done, 1 done but without a single pose, 2 wrong input."""
+
+import sys
+from importlib.metadata import version
+from typing import Annotated
+
+import typer
+
+from ._check import check
+from ._demo import demo
+from ._evaluate import evaluate
+from ._run import run
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="3D human skeletons from calibrated multi-view silhouettes.",
+)
+app.command()(demo)
+app.command()(run)
+app.command()(evaluate)
+app.command()(check)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        print(f"jaxskel {version('jaxskel')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _top(
+    _: Annotated[bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Version.")] = False,
+) -> None:
+    pass
+
+
+def main() -> None:
+    """Run the command line; wrong input is one line on standard error and exit code 2."""
+    try:
+        app()
+    except (ValueError, OSError) as error:
+        print(f"jaxskel: {' '.join(str(error).split())}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        print("jaxskel: interrupted", file=sys.stderr)
+        sys.exit(130)

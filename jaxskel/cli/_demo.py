@@ -1,0 +1,80 @@
+"""`jaxskel demo`: the whole method on a scene that the package makes itself."""
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from .._pipeline import Settings
+from .._recording import Recording, unpack_silhouettes
+from ..figures import plot_stages
+from ..io import write_poses, write_recording
+from ..metrics import score, score_table
+from ..overlays import draw_silhouette, draw_skeleton, tile, write_image
+from ..synthetic import camera_ring, make_scene
+from ._evaluate import write_score
+from ._progress import StageTimes, progress_bar, reconstruct_with_progress, summary
+from ._run import check_output
+
+
+def demo(
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write to.")],
+    frames: Annotated[int, typer.Option(min=1, help="Length of the scene.")] = 96,
+    cameras: Annotated[int, typer.Option(min=3, help="Cameras around the person.")] = 8,
+) -> None:
+    """Make a scene, reconstruct it, score it against its truth, and draw it."""
+    check_output(output)
+    progress, task = progress_bar("filming", frames)
+    with progress:
+        recording = make_scene(
+            frames, cameras=camera_ring(cameras), on_frame=lambda done: progress.update(task, completed=done)
+        )
+    output.mkdir(parents=True, exist_ok=True)
+    write_recording(output / "scene.npz", recording)
+
+    times = StageTimes()
+    poses, prepared = reconstruct_with_progress(recording, Settings(), times)
+    write_poses(output, poses)
+    assert recording.truth is not None
+    result = score(poses.joints.astype(np.float64), recording.truth.joints, poses.has_pose)
+    write_score(output, result)
+    write_image(output / "views.png", _views(recording, poses.joints))
+    plot_stages(recording, prepared, Settings(), frame=int(0.55 * frames), path=output / "stages.png")
+
+    console = Console()
+    if times.later_frames:
+        console.print(_speed(times))
+    console.print(score_table({"demo": result}))
+    print(summary(poses, times))
+    print(f"{output}: scene.npz, poses.npz, poses.csv, score.json, score.png, views.png, stages.png")
+
+
+def _speed(times: StageTimes) -> Table:
+    table = Table(title=f"speed by stage, {times.later_frames} frames after start-up")
+    table.add_column("stage")
+    table.add_column("ms a frame", justify="right")
+    table.add_column("fps", justify="right")
+    stages = times.later | {"all": sum(times.later.values())}
+    for stage, seconds in stages.items():
+        per_frame = seconds / times.later_frames
+        style = "bold" if stage == "all" else None
+        table.add_row(stage, f"{1e3 * per_frame:.1f}", f"{1 / max(per_frame, 1e-9):.0f}", style=style)
+    return table
+
+
+def _views(recording: Recording, joints: np.ndarray) -> np.ndarray:
+    """Skeletons over the silhouettes: frames from left to right, two views of each."""
+    chosen = np.unique(np.linspace(0, len(recording) - 1, 6).astype(int))
+    images, labels = [], []
+    for view in (0, min(3, len(recording.cameras) - 1)):
+        for frame in chosen:
+            w, h = recording.cameras.size[view]
+            mask = unpack_silhouettes(recording.silhouettes[frame, view], 8 * recording.silhouettes.shape[3])
+            image = draw_silhouette(mask)[:h, :w].copy()
+            draw_skeleton(image, recording.cameras, view, joints[frame])
+            images.append(image)
+            labels.append(f"frame {frame}, {recording.cameras.names[view]}")
+    return tile(images, labels, columns=len(chosen), width=320)

@@ -1,0 +1,54 @@
+"""`jaxskel evaluate`: poses against ground truth."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+
+from .._poses import Poses
+from .._recording import Truth
+from ..io import read_poses, read_truth
+from ..metrics import Score, score, score_table
+from ..plots import plot_score
+from ._run import check_output
+
+
+def evaluate(
+    poses: Annotated[Path, typer.Argument(help="poses.npz as written by `jaxskel run`.")],
+    truth: Annotated[Path, typer.Argument(help="Sequence file or poses.npz with the true joints.")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for score.json and score.png.")] = None,
+) -> None:
+    """Score poses as the paper's Table 1 and Figure 3 do."""
+    estimated = read_poses(poses)
+    true, up, index = read_truth(truth)
+    if up != estimated.up:
+        raise ValueError(f"{truth}: up is {up} but {poses} has {estimated.up}; give both in the same world")
+    result = score_poses(estimated, true, index, str(truth))
+    Console().print(score_table({poses.parent.name or poses.stem: result}))
+    if output is not None:
+        check_output(output)
+        print(f"{write_score(output, result)}: {len(result)} frames scored")
+
+
+def score_poses(poses: Poses, truth: Truth, index: np.ndarray, source: str) -> Score:
+    """Score the frames that both have, by their frame index."""
+    row = {int(number): i for i, number in enumerate(index)}
+    missing = [int(number) for number in poses.frame_index if int(number) not in row]
+    if missing:
+        raise ValueError(
+            f"{source}: key 'frame_index': no truth for frame {missing[0]} ({len(missing)} of {len(poses)} frames); "
+            "give the truth of the same recording"
+        )
+    rows = [row[int(number)] for number in poses.frame_index]
+    return score(poses.joints.astype(np.float64), truth.joints[rows], poses.has_pose)
+
+
+def write_score(folder: Path, result: Score) -> Path:
+    """Write score.json and score.png; return the path of the first."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "score.json").write_text(json.dumps(result.to_dict(), indent=1) + "\n")
+    plot_score(result, folder / "score.png")
+    return folder / "score.json"

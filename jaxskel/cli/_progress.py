@@ -1,0 +1,90 @@
+"""Reconstruction with a progress bar, and the summary line that follows it."""
+
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from .._pipeline import Prepared, Settings, prepare, reconstruct_batches
+from .._poses import WITH_POSE, Poses, Status, join_poses
+from .._recording import Recording
+
+
+class StageTimes:
+    """Seconds spent in each stage; those of the first batch, which compiles, apart."""
+
+    def __init__(self) -> None:
+        self.first: dict[str, float] = {}
+        self.later: dict[str, float] = defaultdict(float)
+        self.later_frames = 0
+
+    @contextmanager
+    def __call__(self, stage: str) -> Iterator[None]:
+        start = time.perf_counter()
+        yield
+        self.later[stage] += time.perf_counter() - start
+
+    def end_of_batch(self, frames: int) -> None:
+        """Count the frames of a batch; what came before the end of the first one is start-up."""
+        if self.first:
+            self.later_frames += frames
+        else:
+            self.first, self.later = dict(self.later), defaultdict(float)
+
+    def __str__(self) -> str:
+        text = f"start-up {sum(self.first.values()):.1f} s"
+        if self.later_frames:
+            text += f", then {self.later_frames / sum(self.later.values()):.1f} fps"
+        return text
+
+
+def progress_bar(what: str, total: int) -> tuple[Progress, int]:
+    """A progress bar on standard error, so that the output stays clean for scripts."""
+    progress = Progress(
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
+        console=Console(stderr=True),
+    )  # fmt: skip
+    return progress, progress.add_task(what, total=total)
+
+
+def reconstruct_with_progress(recording: Recording, settings: Settings, times: StageTimes) -> tuple[Poses, Prepared]:
+    """Reconstruct a recording behind a progress bar."""
+    progress, task = progress_bar("reconstructing", len(recording))
+    with progress:
+        with times("prepare"):
+            prepared = prepare(recording, settings)
+        parts = []
+        for part in reconstruct_batches(recording, settings, prepared, times):
+            parts.append(part)
+            times.end_of_batch(len(part))
+            progress.advance(task, len(part))
+    return join_poses(parts), prepared
+
+
+def summary(poses: Poses, times: StageTimes) -> str:
+    """Frames, failures by kind, start-up time and frames per second."""
+    notes = [f"{count} {name}" for name, count in poses.counts().items() if name != "ok"]
+    with_pose = int(poses.has_pose.sum())
+    kinds = f" ({', '.join(notes)})" if notes else ""
+    return f"{len(poses)} frames, {with_pose} with a pose, {len(poses) - with_pose} without{kinds}; {times}"
+
+
+def advice(poses: Poses, recording: Recording) -> str | None:
+    """What to do if there is no pose at all."""
+    if poses.has_pose.any():
+        return None
+    worst = Status(max(set(poses.status.tolist()), key=poses.status.tolist().count))
+    assert worst not in WITH_POSE
+    hints = {
+        Status.EMPTY: "no view shows a person: are the masks inverted or black?",
+        Status.TOO_FEW_VIEWS: "fewer than three views show a person",
+        Status.NO_HULL: "the silhouettes have no common volume: is the calibration that of these views, in metres?",
+        Status.SEVERAL_PEOPLE: "more than one person is in view",
+        Status.PARTLY_OUTSIDE: "the person reaches over the edge of what the cameras see",
+        Status.NO_MATCH: "the hull is not that of a person with these dimensions: is the up axis right?",
+        Status.FAILED: "the refinement broke down",
+    }
+    return f"no pose in any frame: {hints[worst]} (jaxskel check {recording.name}.npz draws it)"

@@ -1,0 +1,49 @@
+"""`jaxskel run`: a sequence file to poses."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import equinox as eqx
+import typer
+
+from .._pipeline import Settings
+from ..io import read_recording, read_subject, write_poses
+from ._progress import StageTimes, advice, reconstruct_with_progress, summary
+
+Sequence = Annotated[Path, typer.Argument(help="Sequence file (.npz): silhouettes and cameras.")]
+Spacing = Annotated[float, typer.Option(help="Edge length of a voxel (m).")]
+MaxMisses = Annotated[int, typer.Option(min=0, help="Cameras that may see background at an occupied voxel.")]
+
+
+def run(
+    sequence: Sequence,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write to.")],
+    subject: Annotated[Path | None, typer.Option(help="TOML file with the subject's dimensions.")] = None,
+    spacing: Spacing = 0.015,
+    max_misses: MaxMisses = 0,
+) -> None:
+    """Reconstruct every frame; write poses.npz and poses.csv."""
+    recording = read_recording(sequence)
+    if subject is not None:
+        recording = eqx.tree_at(
+            lambda r: r.skeleton, recording, read_subject(subject), is_leaf=lambda leaf: leaf is None
+        )
+    check_output(output)
+    settings = Settings(spacing=spacing, max_misses=max_misses)
+    times = StageTimes()
+    poses, prepared = reconstruct_with_progress(recording, settings, times)
+    archive, table = write_poses(output, poses)
+    if not prepared.skeleton_is_known:
+        print(f"{recording.name}: unknown subject, an average adult of {prepared.skeleton.stature:.2f} m was fitted")
+    print(f"{archive}, {table}: {summary(poses, times)}")
+    problem = advice(poses, recording)
+    if problem:
+        print(f"jaxskel: {sequence}: {problem}", file=sys.stderr)
+        raise typer.Exit(1)
+
+
+def check_output(folder: Path) -> None:
+    """Refuse an output that is no folder before any work is done."""
+    if folder.exists() and not folder.is_dir():
+        raise ValueError(f"{folder}: the output must be a folder, but this is a file; choose another name")
