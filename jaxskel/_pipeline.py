@@ -62,7 +62,7 @@ class Settings(eqx.Module):
     parametrisation: Parametrisation = ExactBones()
     solver: optx.AbstractLeastSquaresSolver = eqx.field(default_factory=default_solver)
     rounds: int = 3
-    max_steps: int = 24
+    max_steps: int = 16
 
 
 class Prepared(eqx.Module):

@@ -10,6 +10,7 @@ from ._grid import VoxelGrid, make_grid
 from ._views import MIN_VIEWS, silhouette_centroids
 
 _COARSE = 3  # coarse voxels are this many times larger
+_COARSEST = 0.045  # but not larger than this, or hands and forearms fall between their centres (m)
 _REACH = 1.5  # no part of a person is farther from the middle of the body (m)
 _MARGIN = 0.12  # around what the coarse hulls occupy (m)
 _SAMPLED_MARGIN = 0.25  # the same where frames in between were not looked at (m)
@@ -48,7 +49,7 @@ def place_grid(
     margin = _MARGIN if len(chosen) == len(usable) else _SAMPLED_MARGIN
     silhouettes, lost = silhouettes[chosen], lost[chosen]
     middles = body_middles(cameras, silhouettes, lost)
-    coarse = make_grid(middles.min(0) - _REACH, middles.max(0) + _REACH, _COARSE * spacing)
+    coarse = make_grid(middles.min(0) - _REACH, middles.max(0) + _REACH, min(_COARSE * spacing, _COARSEST))
     height, width = silhouettes.shape[2], 8 * silhouettes.shape[3]
     hulls = carve(silhouettes, projection_table(cameras, coarse, height, width, min_views), lost, max_misses)
     occupied = np.zeros(coarse.shape, bool)

@@ -33,8 +33,8 @@ class Refined(eqx.Module):
 
 
 def default_solver() -> optx.AbstractLeastSquaresSolver:
-    """Levenberg-Marquardt on the normal equations, to a millimetre or milliradian."""
-    return optx.LevenbergMarquardt(rtol=1e-2, atol=1e-3, linear_solver=lx.Normal(lx.Cholesky()))
+    """Levenberg-Marquardt on the normal equations, to three millimetres or milliradians."""
+    return optx.LevenbergMarquardt(rtol=1e-2, atol=3e-3, linear_solver=lx.Normal(lx.Cholesky()))
 
 
 def refine_frame(
@@ -45,7 +45,7 @@ def refine_frame(
     initial: Pose,
     observed: Observed,
     rounds: int = 3,
-    max_steps: int = 24,
+    max_steps: int = 16,
 ) -> Refined:
     """Refine the pose of one frame. See [`refine_frames`][]; the arrays have no frames axis here."""
 
@@ -86,7 +86,7 @@ def refine_frames(
     initial: Pose,
     observed: Observed,
     rounds: int = 3,
-    max_steps: int = 24,
+    max_steps: int = 16,
 ) -> Refined:
     """Refine the poses of a batch of frames, each by itself.
 

@@ -21,8 +21,11 @@ def silhouette_areas(silhouettes: UInt8[np.ndarray, "frames cams h w8"]) -> Int[
 def lost_views(areas: Int[np.ndarray, "frames cams"], cameras: Cameras) -> Bool[np.ndarray, "frames cams"]:
     """Views without a person: black ones and those with specks only."""
     floor = _LEAST_SHARE * cameras.size.prod(1)
-    typical = np.nanmedian(np.where(areas >= floor, areas, np.nan), axis=1) if areas.size else np.zeros(0)
-    return (areas < floor) | (areas < _LEAST_OF_MEDIAN * np.nan_to_num(typical)[:, None])
+    there = areas >= floor
+    # In a frame where nobody is there all views count, to spare the median of nothing; the floor takes them anyway.
+    counted = np.where(there | ~there.any(1, keepdims=True), areas, np.nan)
+    typical = np.nanmedian(counted, axis=1) if areas.size else np.zeros(len(areas))
+    return ~there | (areas < _LEAST_OF_MEDIAN * typical[:, None])
 
 
 def silhouette_centroids(

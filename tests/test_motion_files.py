@@ -157,9 +157,7 @@ def test_biovision_by_hand():
 
 
 def test_biovision_layout_is_free():
-    crowded = (
-        BVH.replace("\n{", " {").replace("\n  {", " {").replace("0 0 0 90 90 0 0 0 0", "0 0 0 90\n90 0 0 0 0")
-    )
+    crowded = BVH.replace("\n{", " {").replace("\n  {", " {").replace("0 0 0 90 90 0 0 0 0", "0 0 0 90\n90 0 0 0 0")
     assert crowded != BVH
     np.testing.assert_allclose(parse_bvh(crowded).positions, parse_bvh(BVH).positions)
     np.testing.assert_allclose(parse_bvh(BVH.replace("\n", "\r\n")).positions, parse_bvh(BVH).positions)
@@ -255,9 +253,7 @@ def test_readers_name_the_file(tmp_path):
 
 
 def test_too_many_joints_and_positions():
-    bones = "".join(
-        f"begin\nname b{i}\ndirection 0 1 0\nlength 1\naxis 0 0 0 XYZ\nend\n" for i in range(1000)
-    )
+    bones = "".join(f"begin\nname b{i}\ndirection 0 1 0\nlength 1\naxis 0 0 0 XYZ\nend\n" for i in range(1000))
     links = "root " + " ".join(f"b{i}" for i in range(1000))
     with pytest.raises(ValueError, match="1001 joints are more than"):
         parse_asf_amc(f":bonedata\n{bones}:hierarchy\n{links}\n", "1\n")
@@ -337,9 +333,7 @@ def test_any_text(first, second):
 
 # The CMU database
 
-needs_cmu = pytest.mark.skipif(
-    not CMU.is_dir(), reason="the clips of the CMU database are not beside this checkout"
-)
+needs_cmu = pytest.mark.skipif(not CMU.is_dir(), reason="the clips of the CMU database are not beside this checkout")
 
 
 def read_clip(path):
@@ -349,9 +343,7 @@ def read_clip(path):
 
 
 @needs_cmu
-@pytest.mark.parametrize(
-    "path", sorted(CMU.glob("*.amc")) + sorted(CMU.glob("*.bvh")), ids=lambda path: path.name
-)
+@pytest.mark.parametrize("path", sorted(CMU.glob("*.amc")) + sorted(CMU.glob("*.bvh")), ids=lambda path: path.name)
 def test_cmu_clip(path):
     motion = read_clip(path)
     is_valid(motion)

@@ -124,9 +124,7 @@ def test_where_the_lens_sees_nothing_is_no_person():
 def test_images_of_different_sizes_are_padded(adult):
     small = one_camera((3.0, 1.0, 1.4), (0, 0, 1.0), 60.0, (51, 77))
     large = one_camera((1.0, 3.0, 1.4), (0, 0, 1.0), 80.0, (120, 60))
-    fields = {
-        name: np.concatenate([getattr(small, name), getattr(large, name)]) for name in ("K", "R", "t", "size")
-    }
+    fields = {name: np.concatenate([getattr(small, name), getattr(large, name)]) for name in ("K", "R", "t", "size")}
     ends, radii = place_body(make_body(adult), demo_motion(adult, 1))
     done = []
     packed = render(make_cameras(**fields), ends, radii, done.append)

@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jaxskel._skeleton import JOINT_NAMES, JOINT_PARENTS, Pose, default_adult
+from jaxskel._skeleton import JOINT_NAMES, JOINT_PARENTS, SEGMENT_NAMES, Pose, default_adult
 from jaxskel.synthetic import (
     Motion,
     demo_motion,
@@ -51,6 +51,12 @@ def as_capture(skeleton, pose, table="acclaim", turn=None, up="+Z"):
     return Motion(named, JOINT_PARENTS, joints @ turn.T, np.asarray(skeleton.rest_joints) @ turn.T, 30.0, up)
 
 
+def angle_between(first, second):
+    """Angle of the rotation between two stacks of rotations (degrees)."""
+    trace = np.einsum("fij,fij->f", first, second)
+    return np.rad2deg(np.arccos(np.clip((trace - 1) / 2, -1, 1)))
+
+
 @pytest.fixture(scope="module")
 def adult():
     return default_adult()
@@ -86,12 +92,30 @@ def test_retarget_turns_limbs_about_themselves(adult, pose):
     assert cosine.min() > np.cos(np.deg2rad(15))
 
 
+def test_retarget_turns_bent_limbs_by_their_hinge(adult, pose):
+    again = retarget(as_capture(adult, pose), adult)
+    for upper, lower, most in (("upper_arm", "forearm", 1), ("thigh", "shank", 12)):
+        for side in ("l_", "r_"):
+            first, second = SEGMENT_NAMES.index(side + upper), SEGMENT_NAMES.index(side + lower)
+            bent = angle_between(pose.rotations[:, first], pose.rotations[:, second]) > 40
+            assert bent.sum() > 3
+            for segment in (first, second):
+                off = angle_between(pose.rotations[:, segment], again.rotations[:, segment])
+                assert off[bent].max() < most
+
+
+def test_retarget_keeps_the_heading(adult, pose):
+    quarter = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    one = retarget(as_capture(adult, pose), adult)
+    other = retarget(as_capture(adult, pose, turn=quarter), adult)
+    np.testing.assert_allclose(other.root, one.root @ quarter.T, atol=1e-5)
+    np.testing.assert_allclose(other.rotations, quarter @ one.rotations, atol=1e-5)
+
+
 def test_retarget_is_the_same_with_another_axis_up(adult, pose):
     # x' = y, y' = z, z' = x.
     turn = np.array([[0, 1.0, 0], [0, 0, 1.0], [1.0, 0, 0]])
-    one, other = (
-        retarget(as_capture(adult, pose, turn=t, up=up), adult) for t, up in ((None, "+Z"), (turn, "+Y"))
-    )
+    one, other = (retarget(as_capture(adult, pose, turn=t, up=up), adult) for t, up in ((None, "+Z"), (turn, "+Y")))
     np.testing.assert_allclose(other.root, one.root, atol=1e-6)
     np.testing.assert_allclose(other.rotations, one.rotations, atol=1e-6)
 
@@ -99,9 +123,7 @@ def test_retarget_is_the_same_with_another_axis_up(adult, pose):
 def test_retarget_to_another_size(adult, pose):
     small = adult.scaled(0.5)
     again = retarget(as_capture(adult, pose), small)
-    joints, expected = (
-        np.asarray(place_joints(s, p)[0], np.float64) for s, p in ((small, again), (adult, pose))
-    )
+    joints, expected = (np.asarray(place_joints(s, p)[0], np.float64) for s, p in ((small, again), (adult, pose)))
     np.testing.assert_allclose(joints - joints[:, :1], (expected - expected[:, :1]) / 2, atol=2e-5)
     np.testing.assert_allclose(again.root[:, :2], pose.root[:, :2] / 2, atol=1e-5)
 
@@ -109,9 +131,7 @@ def test_retarget_to_another_size(adult, pose):
 def test_missing_joints_are_listed(adult, pose):
     motion = as_capture(adult, pose)
     names = tuple(name.replace("lfemur", "lknee").replace("head", "skull") for name in motion.names)
-    with pytest.raises(
-        ValueError, match=r"lacks head \(upperneck or head\), l_knee \(lfemur\); its joints are root"
-    ):
+    with pytest.raises(ValueError, match=r"lacks head \(upperneck or head\), l_knee \(lfemur\); its joints are root"):
         find_joints(Motion(names, motion.parents, motion.positions, motion.rest, 30.0, "+Z"))
 
 
@@ -143,11 +163,7 @@ def test_retarget_cmu_clip(adult):
     assert cosine("neck").min() > np.cos(np.deg2rad(5))
     assert cosine("head").min() > np.cos(np.deg2rad(25))
     hips, captured_hips = (x[:, AT["l_hip"]] - x[:, AT["r_hip"]] for x in (joints, captured))
-    angle = (
-        (hips * captured_hips).sum(-1)
-        / np.linalg.norm(hips, axis=-1)
-        / np.linalg.norm(captured_hips, axis=-1)
-    )
+    angle = (hips * captured_hips).sum(-1) / np.linalg.norm(hips, axis=-1) / np.linalg.norm(captured_hips, axis=-1)
     assert angle.min() > np.cos(np.deg2rad(5))
     ends, radii = place_body(make_body(adult), pose)
     low = (ends[..., 2] - radii).min((1, 2))

@@ -139,10 +139,7 @@ def test_elbows_and_knees_bend_the_right_way(adult, motion, side):
         ("upper_arm", "forearm", "elbow", "hand", 1.0, 150),
         ("thigh", "shank", "knee", "foot", -1.0, 155),
     ):
-        turn = (
-            motion.rotations[:, SEGMENT[side + upper]].swapaxes(-1, -2)
-            @ motion.rotations[:, SEGMENT[side + lower]]
-        )
+        turn = motion.rotations[:, SEGMENT[side + upper]].swapaxes(-1, -2) @ motion.rotations[:, SEGMENT[side + lower]]
         bone = rest[AT[side + end]] - rest[AT[side + middle]]
         to_the_front = sign * ((turn @ bone)[:, 0] - bone[0]) / np.linalg.norm(bone)
         degrees = np.rad2deg(np.arccos(np.clip((np.trace(turn, axis1=1, axis2=2) - 1) / 2, -1, 1)))
@@ -163,6 +160,8 @@ def test_motion_tells_its_story(adult):
         arm = joints[53, AT[side + "hand"]] - joints[53, AT[side + "shoulder"]]
         assert sign * arm[1] > 0.98 * np.linalg.norm(arm)
     assert z("l_knee", 8.7) > z("r_knee", 8.7) + 0.35
+    # The shoulder goes up with the waving arm.
+    assert z("r_shoulder", 3.8) > z("l_shoulder", 3.8) + 0.02
     assert z("head", 10.0) < 0.65 * z("head", 0.0)
     for side in ("l_", "r_"):
         gap = np.linalg.norm(joints[112, AT[side + "hand"]] - joints[112, AT[side + "hip"]])
@@ -236,9 +235,7 @@ def test_scene_holds_its_truth(scene, adult):
 def test_scene_of_given_motion(adult):
     motion = demo_motion(adult, 3)
     done = []
-    scene = make_scene(
-        skeleton=adult, motion=motion, cameras=camera_ring(2, size=(64, 48)), on_frame=done.append
-    )
+    scene = make_scene(skeleton=adult, motion=motion, cameras=camera_ring(2, size=(64, 48)), on_frame=done.append)
     assert len(scene) == 3
     assert done == [1, 2, 3]
     with pytest.raises(ValueError, match="give a stack of poses"):
