@@ -27,6 +27,8 @@ class ProjectionTable(eqx.Module):
     """Index into the flattened image; one past its end where the camera does not see the voxel."""
     observed: Bool[Array, " voxels"]
     """Seen by enough cameras to be told from the background."""
+    unseen: int
+    """The index of "not seen": the number of pixels of an image."""
     grid: VoxelGrid
 
 
@@ -61,7 +63,7 @@ def projection_table(cameras: Cameras, grid: VoxelGrid, height: int, width: int,
             seen = (u >= 0) & (v >= 0) & (u < cameras.size[c, 0]) & (v < cameras.size[c, 1])
             pixels[c, out][seen] = (v[seen] * width + u[seen]).astype(np.int32)
             seen_by[out] += seen
-    return ProjectionTable(jnp.asarray(pixels), jnp.asarray(seen_by >= min_views), grid)
+    return ProjectionTable(jnp.asarray(pixels), jnp.asarray(seen_by >= min_views), height * width, grid)
 
 
 @jax.jit

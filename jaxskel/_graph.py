@@ -41,7 +41,7 @@ class SkeletalGraph(eqx.Module):
         # A stable sort keeps the order of the nodes where two leaves are equally far.
         return np.concatenate([[0], leaves[np.argsort(self.depths[leaves], kind="stable")]])
 
-    def path_to_root(self, node: int) -> Int[np.ndarray, " path"]:
+    def path_to_root(self, node: int | np.integer) -> Int[np.ndarray, " path"]:
         """Nodes from `node` up to the root, both included."""
         path = [int(node)]
         while path[-1] != 0:

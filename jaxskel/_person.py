@@ -2,15 +2,17 @@
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 from scipy import ndimage
 
+from ._carve import ProjectionTable
 from ._hull import VisualHulls
 from ._poses import Status
 
 _LEAST_PERSON = 0.008  # a smaller hull is no person (m^3)
 _RIVAL_SHARE = 0.3  # a second body has at least this share of the largest one's volume
 _EDGE_VOXELS = 12  # so many voxels of the body at the edge of the observed volume: it goes on outside
+_CUT_SHARE = 0.02  # a view with more of the body outside of its image does not show it whole
 
 
 class People(eqx.Module):
@@ -58,6 +60,28 @@ def find_people(hulls: VisualHulls, edge: Bool[np.ndarray, "x y z"]) -> People:
             places = hulls.voxels[top]
             roots[f] = top[np.argmin(((places - places.mean(0)) ** 2).sum(1))]
     return People(VisualHulls(hulls.voxels, inside, hulls.grid), roots, status)
+
+
+def shares_outside(hulls: VisualHulls, table: ProjectionTable) -> Float[np.ndarray, "frames cams"]:
+    """Share of each hull's voxels that lies outside each camera's image: above zero, the image cuts the body."""
+    index = np.ravel_multi_index(tuple(hulls.voxels.T), hulls.grid.shape)
+    seen = (np.asarray(table.pixels)[:, index] < table.unseen).astype(np.float32)
+    total = np.maximum(hulls.inside.sum(1), 1)[:, None]
+    return 1 - hulls.inside.astype(np.float32) @ seen.T / total
+
+
+def seen_whole(
+    hulls: VisualHulls, table: ProjectionTable, lost: Bool[np.ndarray, "frames cams"]
+) -> Bool[np.ndarray, " frames"]:
+    """Whether enough views show a body from head to foot.
+
+    Where images cut the body, few whole views are left, often from one side only, and the hull gets long tails that
+    look like limbs. Four whole views bound it; of four cameras or fewer, one view may be cut.
+    """
+    outside = shares_outside(hulls, table)
+    whole = ((outside < _CUT_SHARE) & ~lost).sum(1)
+    cut = ((outside >= _CUT_SHARE) & ~lost).any(1) | (outside > 1 - _CUT_SHARE).any(1)
+    return ~cut | (whole >= min(4, lost.shape[1] - 1))
 
 
 def _bodies(voxels: Int[np.ndarray, "n 3"]) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " bodies"]]:

@@ -19,7 +19,7 @@ from ._hull import VisualHulls
 from ._initialise import initial_poses
 from ._limbs import HANDLESS_DESCRIPTOR, L_FOOT, R_FOOT, Limbs, label_limbs
 from ._match import DtwMatcher, Matcher
-from ._person import find_people, observed_edge
+from ._person import find_people, observed_edge, seen_whole
 from ._placement import place_grid
 from ._poses import Poses, Status, join_poses
 from ._recording import Recording, rotation_to_z_up
@@ -37,6 +37,8 @@ _STATURE_FRAMES = 24
 # A body whose ways from head to feet differ by more than this share from the template's is not this person, or not
 # all of a person.
 _LEG_TOLERANCE = 0.3
+# From a raised hand, which the highest voxel may be, the feet are at most half as far again as from the head.
+_FARTHEST = 1.6
 
 Stopwatch = Callable[[str], AbstractContextManager[Any]]
 """Called with the name of a stage, gives a context that lasts as long as the stage."""
@@ -149,13 +151,15 @@ def reconstruct_batch(
         with stopwatch("graph"):
             people = find_people(hulls, prepared.edge)
             status = people.status.copy()
+            cut = ~seen_whole(people.hulls, prepared.table, lost)
+            status[(status == Status.OK) & cut] = Status.PARTLY_OUTSIDE
             status[views < MIN_VIEWS] = Status.TOO_FEW_VIEWS
             good = np.flatnonzero(status == Status.OK)
             hulls = VisualHulls(people.hulls.voxels, people.hulls.inside[good], people.hulls.grid)
             graphs = skeletal_graphs(hulls, people.roots[good], settings.min_branch)
         with stopwatch("match"):
             limbs, facing, side_confidence = labelled_limbs(graphs, prepared.skeleton, settings)
-            plausible = _plausible(limbs, prepared.skeleton)
+            plausible = _plausible(graphs, limbs, prepared.skeleton)
             status[good[~plausible]] = Status.NO_MATCH
         with stopwatch("refine"):
             initial = initial_poses(limbs, facing, prepared.skeleton)
@@ -211,11 +215,12 @@ def reconstruct(recording: Recording, settings: Settings | None = None) -> Poses
     return join_poses(reconstruct_batches(recording, settings))
 
 
-def _plausible(limbs: Limbs, skeleton: Skeleton) -> Bool[np.ndarray, " frames"]:
-    """Is there a head and at least one leg of about the template's length?"""
+def _plausible(graphs: list[SkeletalGraph], limbs: Limbs, skeleton: Skeleton) -> Bool[np.ndarray, " frames"]:
+    """Is there at least one leg of about the template's length, and nothing much farther from the head?"""
     way = template_ends(skeleton)[0, [L_FOOT, R_FOOT]]
     legs = np.abs(limbs.lengths[:, [L_FOOT, R_FOOT]] / way - 1) < _LEG_TOLERANCE
-    return (legs & limbs.found[:, [L_FOOT, R_FOOT]]).any(1)
+    farthest = np.array([graph.depths.max() for graph in graphs])
+    return (legs & limbs.found[:, [L_FOOT, R_FOOT]]).any(1) & (farthest < _FARTHEST * way.max())
 
 
 def _single(tree: Any) -> Any:

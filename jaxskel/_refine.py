@@ -18,17 +18,17 @@ class Refined(eqx.Module):
     """Refined poses of some frames, with what each term still costs and how the solver ended."""
 
     pose: Pose
-    joints: Float[Array, "frames joints=15 3"]
+    joints: Float[Array, "*frames joints=15 3"]
     """(m)"""
-    tips: Float[Array, "frames tips=5 3"]
+    tips: Float[Array, "*frames tips=5 3"]
     """(m)"""
-    costs: dict[str, Float[Array, " frames"]]
+    costs: dict[str, Float[Array, "*frames"]]
     """Weighted squared norm of each term's residual, by name."""
-    converged: Bool[Array, " frames"]
+    converged: Bool[Array, "*frames"]
     """The last solve met the solver's tolerances within its steps."""
-    finite: Bool[Array, " frames"]
+    finite: Bool[Array, "*frames"]
     """The pose is a number; where it is not, the initial pose is given back."""
-    steps: Int[Array, " frames"]
+    steps: Int[Array, "*frames"]
     """Solver steps of the last solve."""
 
 

@@ -16,7 +16,8 @@ def exponential(vector: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"]:
     x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
     zero = jnp.zeros_like(x)
     cross = jnp.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).reshape(*vector.shape[:-1], 3, 3)
-    return jnp.eye(3, dtype=vector.dtype) + sine * cross + cosine * (cross @ cross)
+    identity = jnp.broadcast_to(jnp.eye(3, dtype=vector.dtype), cross.shape)
+    return identity + sine * cross + cosine * (cross @ cross)
 
 
 def aligning(

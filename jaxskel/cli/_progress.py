@@ -5,12 +5,14 @@ from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from .._pipeline import Prepared, Settings, prepare, reconstruct_batches
 from .._poses import WITH_POSE, Poses, Status, join_poses
 from .._recording import Recording
+from .._views import silhouette_areas
 
 
 class StageTimes:
@@ -78,6 +80,9 @@ def advice(poses: Poses, recording: Recording) -> str | None:
         return None
     worst = Status(max(set(poses.status.tolist()), key=poses.status.tolist().count))
     assert worst not in WITH_POSE
+    share = silhouette_areas(recording.silhouettes[::8]) / recording.cameras.size.prod(1)
+    if np.median(share) > 0.5:
+        return "no pose in any frame: most of every image is person, so the masks seem to be inverted; 1 = person"
     hints = {
         Status.EMPTY: "no view shows a person: are the masks inverted or black?",
         Status.TOO_FEW_VIEWS: "fewer than three views show a person",

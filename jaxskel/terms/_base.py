@@ -4,6 +4,7 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
 from .._skeleton import Pose, Skeleton, forward_kinematics
@@ -21,14 +22,14 @@ class PlacedBody(eqx.Module):
 
 
 class Observed(eqx.Module):
-    """What was measured in one frame: the labelled skeletal graph."""
+    """What was measured in one frame, or in each frame of a batch: the labelled skeletal graph."""
 
-    paths: Float[Array, "labels=5 points 3"]
+    paths: Float[Array | np.ndarray, "*frames labels=5 points 3"]
     """From the root to head, left and right hand, left and right foot, evenly spaced along the graph (m)."""
-    found: Bool[Array, "labels=5"]
+    found: Bool[Array | np.ndarray, "*frames labels=5"]
     """Whether an end node was found for this label."""
-    neck: Float[Array, "3"]
-    pelvis: Float[Array, "3"]
+    neck: Float[Array | np.ndarray, "*frames 3"]
+    pelvis: Float[Array | np.ndarray, "*frames 3"]
 
 
 def place(skeleton: Skeleton, pose: Pose) -> PlacedBody:

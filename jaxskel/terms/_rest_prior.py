@@ -25,4 +25,4 @@ class RestPrior(AbstractTerm):
     def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "segments=12 3 3"]:
         """Differences of rotation matrices; their norm is about 1.4 times the angle (rad)."""
         relative = jnp.einsum("sji,sjk->sik", body.rotations[_PARENTS], body.rotations[_SEGMENTS])
-        return _HELD[:, None, None] * (relative - jnp.eye(3))
+        return _HELD[:, None, None] * (relative - jnp.eye(3)[None])
