@@ -3,6 +3,7 @@
 import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy import ndimage
 
 from ._grid import VoxelGrid
 
@@ -40,3 +41,12 @@ def hulls_from_dense(occupancy: Bool[np.ndarray, "frames x y z"], grid: VoxelGri
     """Store dense occupancy, one volume a frame, as `VisualHulls`."""
     voxels = np.argwhere(occupancy.any(0)).astype(np.int32)
     return VisualHulls(voxels, occupancy[:, voxels[:, 0], voxels[:, 1], voxels[:, 2]], grid)
+
+
+def connected_bodies(
+    occupancy: Bool[np.ndarray, "x y z"],
+) -> tuple[Int[np.ndarray, "x y z"], Int[np.ndarray, " bodies"]]:
+    """Label what is connected over faces, edges or corners, from 1, and count the voxels of each body."""
+    labels = np.zeros(occupancy.shape, np.int32)
+    ndimage.label(occupancy, np.ones((3, 3, 3)), output=labels)
+    return labels, np.bincount(labels.ravel())[1:]

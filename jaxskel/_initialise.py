@@ -28,8 +28,8 @@ def initial_poses(limbs: Limbs, facing: Float[np.ndarray, "frames 3"], skeleton:
         skeleton: Template.
     """
     count = len(limbs.paths)
-    rest = dict(zip(JOINT_NAMES, np.asarray(skeleton.rest_joints), strict=True))
-    rest |= dict(zip(TIP_NAMES, np.asarray(skeleton.rest_tips), strict=True))
+    at_rest = [*np.asarray(skeleton.rest_joints), *np.asarray(skeleton.rest_tips)]
+    rest: dict[str, np.ndarray] = dict(zip((*JOINT_NAMES, *TIP_NAMES), at_rest, strict=True))
     parent = {name: JOINT_NAMES[JOINT_PARENTS[i]] for i, name in enumerate(JOINT_NAMES) if i}
     rotations = np.tile(np.eye(3), (count, len(SEGMENT_NAMES), 1, 1))
     number = {name: i for i, name in enumerate(SEGMENT_NAMES)}

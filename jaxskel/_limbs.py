@@ -41,7 +41,7 @@ class Limbs(eqx.Module):
         """The labelled end nodes (m)."""
         return self.paths[:, :, -1]
 
-    def at(self, label: int, distance: float) -> Float[np.ndarray, "frames 3"]:
+    def at(self, label: int, distance: float | np.floating) -> Float[np.ndarray, "frames 3"]:
         """The point of a path at some distance from its end node, measured along the graph (m)."""
         length = self.lengths[:, label]
         step = (PATH_POINTS - 1) * np.clip(1 - distance / np.maximum(length, 1e-9), 0, 1)

@@ -6,7 +6,7 @@ from jaxtyping import Bool, Float, Int
 from scipy import ndimage
 
 from ._carve import ProjectionTable
-from ._hull import VisualHulls
+from ._hull import VisualHulls, connected_bodies
 from ._poses import Status
 
 _LEAST_PERSON = 0.008  # a smaller hull is no person (m^3)
@@ -92,8 +92,8 @@ def _bodies(voxels: Int[np.ndarray, "n 3"]) -> tuple[Int[np.ndarray, " n"], Int[
     box = np.zeros(voxels.max(0) - low + 1, bool)
     where = tuple((voxels - low).T)
     box[where] = True
-    labels = ndimage.label(box, np.ones((3, 3, 3)))[0][where]
-    return labels, np.bincount(labels)[1:]
+    labels, sizes = connected_bodies(box)
+    return labels[where], sizes
 
 
 def _judge(volumes: np.ndarray) -> Status:

@@ -103,7 +103,7 @@ def prepare(recording: Recording, settings: Settings) -> Prepared:
     lost = lost_views(silhouette_areas(sils[chosen]), cameras)
     people = find_people(carve(sils[chosen], table, lost, settings.max_misses), edge)
     standing = people.status == Status.OK
-    hulls = VisualHulls(people.hulls.voxels, people.hulls.inside[standing], grid)
+    hulls = VisualHulls(people.hulls.voxels, people.hulls.inside[standing], table.grid)
     stature = estimate_stature(skeletal_graphs(hulls, people.roots[standing], settings.min_branch))
     if stature is None or not 0.8 < stature < 2.4:
         return prepared

@@ -2,11 +2,11 @@
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
-from scipy import ndimage
 
 from ._camera import Cameras, rays
 from ._carve import carve, projection_table
 from ._grid import VoxelGrid, make_grid
+from ._hull import connected_bodies
 from ._views import MIN_VIEWS, silhouette_centroids
 
 _COARSE = 3  # coarse voxels are this many times larger
@@ -54,10 +54,8 @@ def place_grid(
     hulls = carve(silhouettes, projection_table(cameras, coarse, height, width, min_views), lost, max_misses)
     occupied = np.zeros(coarse.shape, bool)
     occupied[tuple(hulls.voxels.T)] = True
-    labels, count = ndimage.label(occupied, np.ones((3, 3, 3)))
-    volume = np.bincount(labels.ravel(), minlength=count + 1) * coarse.spacing**3
-    people = volume >= _LEAST_VOLUME
-    people[0] = False
+    labels, sizes = connected_bodies(occupied)
+    people = np.concatenate([[False], sizes * coarse.spacing**3 >= _LEAST_VOLUME])
     voxels = np.argwhere(people[labels])
     if len(voxels) == 0:
         return None

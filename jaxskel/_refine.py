@@ -27,7 +27,7 @@ class Refined(eqx.Module):
     converged: Bool[Array, "*frames"]
     """The last solve met the solver's tolerances within its steps."""
     finite: Bool[Array, "*frames"]
-    """The pose is a number; where it is not, the initial pose is given back."""
+    """The pose and its costs are numbers; where they are not, the initial pose is given back."""
     steps: Int[Array, "*frames"]
     """Solver steps of the last solve."""
 
@@ -69,11 +69,13 @@ def refine_frame(
 
     start = jax.tree.map(jnp.asarray, initial)
     pose, (converged, steps) = jax.lax.scan(one_round, start, None, length=rounds)
-    finite = jnp.isfinite(pose.root).all() & jnp.isfinite(pose.rotations).all()
-    pose = jax.tree.map(lambda new, old: jnp.where(finite, new, old), pose, start)
     body = place(skeleton, pose)
     left = objective.residuals(body, observed, objective.correspond(body, observed))
     costs = {name: (residual**2).sum() for name, residual in left.items()}
+    # A solver that meets NaN data stays at its start: the pose is a number then, its costs are not.
+    finite = jnp.isfinite(pose.root).all() & jnp.isfinite(pose.rotations).all() & jnp.isfinite(sum(costs.values()))
+    pose = jax.tree.map(lambda new, old: jnp.where(finite, new, old), pose, start)
+    body = place(skeleton, pose)
     return Refined(pose, body.joints, body.tips, costs, converged[-1] & finite, finite, steps[-1])
 
 

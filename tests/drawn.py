@@ -1,11 +1,17 @@
 """Drawings that the tests share: a ring of cameras, bodies made of balls, template graphs. Not the package's own
 scene, so that the two cannot be wrong together."""
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
+from scipy.spatial.transform import Rotation
 
 from jaxskel._camera import Cameras, make_cameras, rays
 from jaxskel._graph import SkeletalGraph
-from jaxskel._skeleton import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES, TIP_PARENTS, Skeleton
+from jaxskel._limbs import END_NODE_REACH
+from jaxskel._skeleton import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES, TIP_PARENTS, Pose, Skeleton, forward_kinematics
+from jaxskel.terms import AbstractTerm, Observed, PlacedBody
 
 NODE_NAMES = JOINT_NAMES + TIP_NAMES
 """Nodes of a template graph: the joints, then the tips."""
@@ -87,3 +93,43 @@ def template_graph(skeleton: Skeleton, spurs: list[tuple[str, float]] = ()) -> t
     order, parents = walk_down(tree, names.index("head_top"))
     graph = SkeletalGraph(np.array(positions)[order], np.array(parents), np.full(len(order), 0.05))
     return graph, [names[node] for node in order]
+
+
+def pose_of(seed, spread=0.5) -> Pose:
+    """A standing person somewhere, segments turned at random by about `spread` (rad)."""
+    rng = np.random.default_rng(seed)
+    rotations = Rotation.from_rotvec(rng.normal(0, spread / np.sqrt(3), (13, 3))).as_matrix()
+    return Pose(np.array([0.3, -0.2, 0.9]) + rng.normal(0, 0.1, 3), rotations)
+
+
+# The joints on the way to each limb's end node; the head's own path is drawn from the neck.
+TRUNK = ("head", "neck", "pelvis")
+WAYS = (
+    ("neck", "head"),
+    (*TRUNK[:2], "l_shoulder", "l_elbow", "l_hand"),
+    (*TRUNK[:2], "r_shoulder", "r_elbow", "r_hand"),
+    (*TRUNK, "l_hip", "l_knee", "l_foot"),
+    (*TRUNK, "r_hip", "r_knee", "r_foot"),
+)
+
+
+def ideal_graph(skeleton: Skeleton, pose: Pose) -> Observed:
+    """The labelled graph of a body that is nothing but its bones: paths run through the joints to the end nodes."""
+    joints, tips = (np.asarray(a, np.float64) for a in forward_kinematics(skeleton, pose))
+    base = joints[list(TIP_PARENTS)]
+    ends = base + END_NODE_REACH * (tips - base)
+    paths = np.empty((5, 9, 3))
+    for label, names in enumerate(WAYS):
+        way = [*(ends[:1] if label else []), *(joints[JOINT_NAMES.index(name)] for name in names), ends[label]]
+        paths[label] = way + way[-1:] * (9 - len(way))
+    return Observed(*(jnp.asarray(a) for a in (paths, np.ones(5, bool), joints[1], joints[0])))
+
+
+class HandsTogether(AbstractTerm):
+    """A user's term: the hands hold a stick."""
+
+    weight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=1.0)
+    length: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.4)
+
+    def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, ""]:
+        return jnp.sqrt(((body.joints[5] - body.joints[8]) ** 2).sum() + 1e-12) - self.length

@@ -48,7 +48,9 @@ def test_project_is_opencvs(lens):
 
 def test_project_with_skew_by_hand():
     # The tangents are 0.5 and -0.25: u = 100 * 0.5 + 8 * -0.25 + 50 = 98, v = 200 * -0.25 + 60 = 10.
-    cameras = make_cameras([[[100.0, 8.0, 50.0], [0.0, 200.0, 60.0], [0.0, 0.0, 1.0]]], [np.eye(3)], [[0, 0, 0]], (99, 99))
+    cameras = make_cameras(
+        [[[100.0, 8.0, 50.0], [0.0, 200.0, 60.0], [0.0, 0.0, 1.0]]], [np.eye(3)], [[0, 0, 0]], (99, 99)
+    )
     u, v, depth = project(cameras, np.array([[1.0, -0.5, 2.0]]))
     np.testing.assert_allclose([u[0, 0], v[0, 0], depth[0, 0]], [98.0, 10.0, 2.0], rtol=1e-14)
     # With k1 = 0.1 both tangents grow by 1 + 0.1 * 0.3125.
@@ -78,7 +80,9 @@ def test_points_that_a_camera_cannot_see_are_nan():
     np.testing.assert_array_equal(np.isfinite(u[0]), seen)
     np.testing.assert_array_equal(np.isfinite(v[0]), seen)
     # The trap: OpenCV folds the point at the tangent 1.6, far outside, into the middle of the image.
-    folded, _ = cv2.projectPoints(points[4:5], cv2.Rodrigues(cameras.R[0])[0], cameras.t[0], cameras.K[0], cameras.dist[0])
+    folded, _ = cv2.projectPoints(
+        points[4:5], cv2.Rodrigues(cameras.R[0])[0], cameras.t[0], cameras.K[0], cameras.dist[0]
+    )
     assert (folded[0, 0] > 0).all()
     assert (folded[0, 0] < cameras.size[0]).all()
 
@@ -145,7 +149,9 @@ def test_choosing_cameras():
     rng = np.random.default_rng(0)
     R = Rotation.random(4, rng=rng).as_matrix()
     sizes = np.array([[100, 80], [200, 160], [300, 240], [400, 320]])
-    rig = make_cameras(np.tile(np.diag([50.0, 50, 1]), (4, 1, 1)), R, rng.normal(size=(4, 3)), sizes, np.arange(16).reshape(4, 4) / 99)
+    rig = make_cameras(
+        np.tile(np.diag([50.0, 50, 1]), (4, 1, 1)), R, rng.normal(size=(4, 3)), sizes, np.arange(16).reshape(4, 4) / 99
+    )
     chosen = rig[[3, 1]]
     assert chosen.names == ("cam3", "cam1")
     points = rng.normal(size=(50, 3))

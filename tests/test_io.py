@@ -81,11 +81,7 @@ def poses_file(tmp_path):
 def same(a: object, b: object) -> bool:
     """Equal field by field, with NaN equal to NaN."""
     if isinstance(a, np.ndarray):
-        return (
-            isinstance(b, np.ndarray)
-            and a.dtype == b.dtype
-            and np.array_equal(a, b, equal_nan=a.dtype.kind == "f")
-        )
+        return isinstance(b, np.ndarray) and a.dtype == b.dtype and np.array_equal(a, b, equal_nan=a.dtype.kind == "f")
     if hasattr(a, "__dataclass_fields__"):
         return type(a) is type(b) and all(same(getattr(a, f), getattr(b, f)) for f in a.__dataclass_fields__)
     return a == b
@@ -267,9 +263,7 @@ def test_missing_key(clip, key):
     refused(read_recording, clip, f"key '{key}': is missing", "up")
 
 
-@pytest.mark.parametrize(
-    "pair", [("rest_joints", "rest_tips"), ("rest_tips", "rest_joints"), ("tips", "joints")]
-)
+@pytest.mark.parametrize("pair", [("rest_joints", "rest_tips"), ("rest_tips", "rest_joints"), ("tips", "joints")])
 def test_half_of_a_pair(clip, pair):
     kept, lost = pair
     arrays = arrays_of(clip)
@@ -454,9 +448,7 @@ def test_poses_table(tmp_path):
         for j, joint in enumerate(JOINT_NAMES):
             read = [float(rows[i][f"{joint}_{axis}"]) for axis in "xyz"]
             np.testing.assert_allclose(read, poses.joints[i, j], atol=1e-6)
-            np.testing.assert_allclose(
-                float(rows[i][f"{joint}_confidence"]), poses.confidence[i, j], atol=1e-4
-            )
+            np.testing.assert_allclose(float(rows[i][f"{joint}_confidence"]), poses.confidence[i, j], atol=1e-4)
 
 
 def test_poses_serve_as_truth(poses_file):

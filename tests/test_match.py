@@ -27,7 +27,9 @@ def random_ends(counts, seed=0) -> EndNodes:
         rays = rng.normal(size=(n, 3))
         rays *= rng.uniform(0.3, 1.5, (n, 1)) / np.linalg.norm(rays, axis=1, keepdims=True)
         parents = [-1, 0] + [1] * (n - 1)
-        graphs.append(SkeletalGraph(np.vstack([rays[:1], np.zeros((1, 3)), rays[1:]]), np.array(parents), np.ones(n + 1)))
+        graphs.append(
+            SkeletalGraph(np.vstack([rays[:1], np.zeros((1, 3)), rays[1:]]), np.array(parents), np.ones(n + 1))
+        )
     return describe_ends(graphs)
 
 

@@ -158,13 +158,9 @@ def test_percentiles_and_curve_by_hand():
     poses = truth(5)
     poses[:, joint("neck"), 0] += [0.010, 0.021, 0.032, 0.043, 0.250]
     found = score(poses, truth(5))
-    assert [found.percentile(q, "neck") for q in (25, 50, 75, 95)] == pytest.approx(
-        [0.021, 0.032, 0.043, 0.250]
-    )
+    assert [found.percentile(q, "neck") for q in (25, 50, 75, 95)] == pytest.approx([0.021, 0.032, 0.043, 0.250])
     share = dict(zip(CURVE_THRESHOLDS_MM, found.curve()[:, joint("neck")], strict=True))
-    assert [share[mm] for mm in (0, 5, 15, 25, 35, 45, 100, 200)] == pytest.approx(
-        [0, 0, 0.2, 0.4, 0.6, 0.8, 0.8, 0.8]
-    )
+    assert [share[mm] for mm in (0, 5, 15, 25, 35, 45, 100, 200)] == pytest.approx([0, 0, 0.2, 0.4, 0.6, 0.8, 0.8, 0.8])
 
 
 def test_to_dict_is_json():

@@ -182,9 +182,7 @@ def test_a_translation_moves_the_graph():
     shift = np.array([2.5, -1.25, 0.75])
     for one, moved in zip(scooped(bodies()), scooped(bodies(), origin=shift), strict=True):
         one, moved = prune(one, 8 * SPACING), prune(moved, 8 * SPACING)
-        np.testing.assert_allclose(
-            moved.positions[moved.end_nodes] - shift, one.positions[one.end_nodes], atol=SPACING
-        )
+        np.testing.assert_allclose(moved.positions[moved.end_nodes] - shift, one.positions[one.end_nodes], atol=SPACING)
 
 
 @pytest.mark.parametrize("axis", [0, 1])
@@ -205,4 +203,7 @@ def test_a_mirrored_body_has_mirrored_end_nodes(axis):
 def test_a_single_voxel_is_a_single_node():
     graph = scooped([drawn(bar(ROOT, ROOT))])[0]
     np.testing.assert_array_equal(graph.parents, [-1])
-    assert scoop(hulls_from_dense(np.zeros((0, 2, 2, 2), bool), VoxelGrid(np.zeros(3), 0.1, (2, 2, 2))), np.zeros(0, int)) == []
+    assert (
+        scoop(hulls_from_dense(np.zeros((0, 2, 2, 2), bool), VoxelGrid(np.zeros(3), 0.1, (2, 2, 2))), np.zeros(0, int))
+        == []
+    )

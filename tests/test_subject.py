@@ -97,17 +97,13 @@ def test_round_trip_keeps_lengths(tmp_path):
     )
     for skeleton in (adult, uneven):
         write_subject(tmp_path / "subject.toml", skeleton)
-        np.testing.assert_allclose(
-            lengths(read_subject(tmp_path / "subject.toml")), lengths(skeleton), atol=1e-6
-        )
+        np.testing.assert_allclose(lengths(read_subject(tmp_path / "subject.toml")), lengths(skeleton), atol=1e-6)
 
 
 def test_an_even_body_is_written_once_for_both_sides(tmp_path):
     adult = default_adult()
     mirrored = np.array([1, -1, 1])
-    np.testing.assert_allclose(
-        adult.rest_joints[list(MIRROR_JOINTS)] * mirrored, adult.rest_joints, atol=1e-12
-    )
+    np.testing.assert_allclose(adult.rest_joints[list(MIRROR_JOINTS)] * mirrored, adult.rest_joints, atol=1e-12)
     np.testing.assert_allclose(adult.rest_tips[list(MIRROR_TIPS)] * mirrored, adult.rest_tips, atol=1e-12)
     write_subject(tmp_path / "subject.toml", adult)
     assert "l_" not in (tmp_path / "subject.toml").read_text()

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import numpy as np
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 from .._pipeline import Prepared, Settings, prepare, reconstruct_batches
 from .._poses import WITH_POSE, Poses, Status, join_poses
@@ -43,7 +43,7 @@ class StageTimes:
         return text
 
 
-def progress_bar(what: str, total: int) -> tuple[Progress, int]:
+def progress_bar(what: str, total: int) -> tuple[Progress, TaskID]:
     """A progress bar on standard error, so that the output stays clean for scripts."""
     progress = Progress(
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),

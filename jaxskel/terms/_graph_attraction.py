@@ -15,9 +15,10 @@ _ATTRACTED = {
     "neck": L_FOOT, "head": HEAD, "l_elbow": L_HAND, "l_hand": L_HAND, "r_elbow": R_HAND, "r_hand": R_HAND,
     "l_knee": L_FOOT, "l_foot": L_FOOT, "r_knee": R_FOOT, "r_foot": R_FOOT,
 }  # fmt: skip
-_ENDS = np.array([JOINT_NAMES.index(name) for name in _ATTRACTED])
-_STARTS = np.array(JOINT_PARENTS)[_ENDS]
-_PATHS = np.array(list(_ATTRACTED.values()))
+# 32 bits, because JAX mixes up wider indices when float64 is switched on after the first use.
+_ENDS = np.array([JOINT_NAMES.index(name) for name in _ATTRACTED], np.int32)
+_STARTS = np.array(JOINT_PARENTS, np.int32)[_ENDS]
+_PATHS = np.array(list(_ATTRACTED.values()), np.int32)
 # Where along the bone. The bone from knee to ball of foot leaves the centre-line, which bends at the ankle.
 _PLACES = np.stack([np.linspace(0.0, 0.4, 5) if name.endswith("foot") else np.linspace(0.2, 1.0, 5)
                     for name in _ATTRACTED])  # fmt: skip

@@ -1,0 +1,169 @@
+"""The command line, run as its users run it: exit codes, last lines, what is written and what is not."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jaxskel import JOINT_NAMES, STATUS_NAMES
+from jaxskel.io import read_poses, write_recording
+from jaxskel.synthetic import make_scene
+
+
+def jaxskel(*arguments: object, cwd: Path) -> subprocess.CompletedProcess:
+    command = [sys.executable, "-c", "from jaxskel.cli import main; main()", *map(str, arguments)]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """A sequence file with one empty frame."""
+    folder = tmp_path_factory.mktemp("cli")
+    scene = make_scene(6)
+    scene.silhouettes[4] = 0
+    write_recording(folder / "scene.npz", scene)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def ran(folder) -> subprocess.CompletedProcess:
+    return jaxskel("run", "scene.npz", "-o", "out", cwd=folder)
+
+
+def test_run_writes_poses_and_says_so(folder, ran):
+    assert ran.returncode == 0, ran.stderr
+    last = ran.stdout.strip().splitlines()[-1]
+    assert "poses.npz" in last
+    assert "6 frames, 5 with a pose, 1 without (1 empty)" in last
+    with np.load(folder / "out" / "poses.npz") as file:
+        assert file["joints"].shape == (6, 15, 3)
+        assert file["joints"].dtype == np.float32
+        assert np.isnan(file["joints"][4]).all()
+        assert np.isfinite(np.delete(file["joints"], 4, 0)).all()
+        assert tuple(file["joint_names"]) == JOINT_NAMES
+        assert tuple(file["status_names"]) == STATUS_NAMES
+        assert file["status_names"][file["status"][4]] == "empty"
+        assert ((file["confidence"] >= 0) & (file["confidence"] <= 1)).all()
+        assert str(file["up"]) == "+Z"
+        assert file["fps"] == 5.0
+        assert file["frame_index"].tolist() == list(range(6))
+    rows = (folder / "out" / "poses.csv").read_text().splitlines()
+    assert len(rows) == 7
+    assert rows[5].split(",")[2] == "empty"
+
+
+def test_evaluate_scores_and_draws(folder, ran):
+    done = jaxskel("evaluate", "out/poses.npz", "scene.npz", "-o", "score", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    figures = json.loads((folder / "score" / "score.json").read_text())
+    assert "out" in done.stdout
+    assert (folder / "score" / "score.png").stat().st_size > 1000
+    assert figures["frames"] == 6
+
+
+def test_evaluate_refuses_the_truth_of_other_frames(folder, ran):
+    write_recording(folder / "short.npz", make_scene(2))
+    done = jaxskel("evaluate", "out/poses.npz", "short.npz", cwd=folder)
+    assert done.returncode == 2
+    assert "short.npz: key 'frame_index'" in done.stderr
+
+
+def test_check_draws_every_view(folder):
+    done = jaxskel("check", "scene.npz", "-o", "check.png", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert (folder / "check.png").stat().st_size > 10_000
+    assert "cam7" in done.stdout
+    assert "litres" in done.stdout
+    assert "check.png" in done.stdout.strip().splitlines()[-1]
+
+
+def test_demo_does_the_whole_job(tmp_path):
+    done = jaxskel("demo", "-o", "demo", "--frames", "40", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    written = {path.name for path in (tmp_path / "demo").iterdir()}
+    wanted = {"scene.npz", "poses.npz", "poses.csv", "score.json", "score.png", "views.png", "stages.png"}
+    assert written == wanted
+    assert "fps" in done.stdout
+    assert read_poses(tmp_path / "demo" / "poses.npz").has_pose.all()
+    assert json.loads((tmp_path / "demo" / "score.json").read_text())["sides_counted"]["median_mm"] < 30
+
+
+def test_subject_file_gives_the_bone_lengths(folder):
+    (folder / "subject.toml").write_text("stature = 1.80\n[lengths]\nupper_arm = 0.35\n")
+    done = jaxskel("run", "scene.npz", "-o", "tall", "--subject", "subject.toml", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    joints = read_poses(folder / "tall" / "poses.npz").joints[0]
+    assert np.linalg.norm(joints[4] - joints[3]) == pytest.approx(0.35, abs=1e-5)
+
+
+def test_black_recording_exits_with_1_and_advice(tmp_path):
+    scene = make_scene(2)
+    scene.silhouettes[:] = 0
+    write_recording(tmp_path / "black.npz", scene)
+    done = jaxskel("run", "black.npz", "-o", "out", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "2 empty" in done.stdout
+    assert "no pose in any frame" in done.stderr
+    assert (tmp_path / "out" / "poses.npz").exists()
+
+
+def broken(path: Path, **changes: object) -> None:
+    scene = make_scene(2)
+    write_recording(path, scene)
+    with np.load(path) as file:
+        arrays = dict(file)
+    for key, value in changes.items():
+        if value is None:
+            del arrays[key]
+        else:
+            arrays[key] = value
+    np.savez(path, **arrays)
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        ({"K": None}, "K"),
+        ({"R": np.zeros((8, 3, 3))}, "R"),
+        ({"t": np.full((8, 3), 2500.0)}, "t"),
+        ({"t": np.full((8, 3), np.nan)}, "t"),
+        ({"t": np.zeros((7, 3))}, "t"),
+        ({"size": np.array([320, 240])}, "silhouettes"),
+        ({"fps": 0.0}, "fps"),
+        ({"up": "Z"}, "up"),
+    ],
+)
+@pytest.mark.parametrize("command", ["run", "check"])
+def test_wrong_input_is_one_line_and_exit_code_2(tmp_path, changes, key, command):
+    broken(tmp_path / "bad.npz", **changes)
+    done = jaxskel(command, "bad.npz", "-o", "out", cwd=tmp_path)
+    assert done.returncode == 2
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert f"bad.npz: key '{key}'" in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 truncated", b"time,x,y\n0,1,2\n"])
+def test_a_file_of_another_kind_is_one_line_and_exit_code_2(tmp_path, content):
+    (tmp_path / "bad.npz").write_bytes(content)
+    done = jaxskel("run", "bad.npz", "-o", "out", cwd=tmp_path)
+    assert done.returncode == 2
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert "bad.npz" in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_output_that_is_a_file_is_refused_before_any_work(folder):
+    (folder / "taken").write_text("mine")
+    done = jaxskel("run", "scene.npz", "-o", "taken", cwd=folder)
+    assert done.returncode == 2
+    assert (folder / "taken").read_text() == "mine"
+
+
+def test_help_and_version(tmp_path):
+    assert "evaluate" in jaxskel("--help", cwd=tmp_path).stdout
+    assert jaxskel("--version", cwd=tmp_path).stdout.startswith("jaxskel ")
+    assert jaxskel("run", cwd=tmp_path).returncode == 2

@@ -1,0 +1,41 @@
+"""The README stays true: its Python runs, its commands are those of CI, its names exist."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from jaxskel import STATUS_NAMES
+from jaxskel.io import write_recording
+from jaxskel.synthetic import make_scene
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text()
+
+
+def test_python_of_the_readme_runs(tmp_path, monkeypatch, capsys):
+    (code,) = re.findall(r"```python\n(.*?)```", README, re.S)
+    (tmp_path / "demo").mkdir()
+    write_recording(tmp_path / "demo" / "scene.npz", make_scene(4))
+    monkeypatch.chdir(tmp_path)
+    names: dict = {}
+    exec(code, names)
+    assert "(4, 15, 3)" in capsys.readouterr().out
+    assert names["initial"].root.shape == (4, 3)
+
+
+def test_every_status_is_explained():
+    missing = [name for name in STATUS_NAMES if f"`{name}`" not in README]
+    assert missing == []
+
+
+def test_pictures_and_files_of_the_readme_exist():
+    for target in re.findall(r"\]\(([^)#]+)\)", README):
+        assert (ROOT / target).exists(), target
+
+
+@pytest.mark.parametrize("pattern", ["'^python -m pip install \\\\. '", "'python -m pytest$'"])
+def test_ci_takes_its_commands_from_the_readme(pattern):
+    assert f"grep -m1 {pattern}".replace("\\\\", "\\") in (ROOT / ".ci" / "run").read_text()
+    line = re.compile(pattern.strip("'").replace("\\\\", "\\"))
+    assert any(line.search(row) for row in README.splitlines())
