@@ -14,7 +14,7 @@ from ._carve import FRAMES_PER_WORD, ProjectionTable, carve, projection_table
 from ._confidence import joint_confidence
 from ._descriptors import MAX_ENDS, describe_ends, template_ends
 from ._graph import SkeletalGraph, limit_ends, prune
-from ._grid import VoxelGrid
+from ._grid import make_grid
 from ._hull import VisualHulls
 from ._initialise import initial_poses
 from ._limbs import HANDLESS_DESCRIPTOR, L_FOOT, R_FOOT, Limbs, label_limbs
@@ -49,8 +49,8 @@ class Settings(eqx.Module):
 
     spacing: float = 0.015
     """Edge length of a voxel (m)."""
-    grid: VoxelGrid | None = None
-    """Voxel grid in a world with z up; placed around the silhouettes by default."""
+    box: Float[np.ndarray, "2 3"] | None = None
+    """Lower and upper corner of what to carve, in the recording's world (m); by default around the silhouettes."""
     min_views: int | None = None
     """Cameras that must see a voxel for it to be occupied; by default 3, with fewer than six cameras 2."""
     max_misses: int = 0
@@ -87,8 +87,10 @@ def prepare(recording: Recording, settings: Settings) -> Prepared:
     cameras = recording.cameras.rotated(to_z_up)
     sils = recording.silhouettes
     min_views = settings.min_views or (3 if len(cameras) >= 6 else 2)
-    grid = settings.grid
-    if grid is None:
+    if settings.box is not None:
+        corners = settings.box @ to_z_up.T  # the rotation only exchanges axes
+        grid = make_grid(corners.min(0), corners.max(0), settings.spacing)
+    else:
         lost = lost_views(silhouette_areas(sils), cameras)
         grid = place_grid(cameras, sils, lost, settings.spacing, min_views, settings.max_misses)
     table, edge = None, np.zeros((0, 0, 0), bool)

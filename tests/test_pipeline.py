@@ -13,7 +13,6 @@ from jaxskel import (
     Settings,
     Status,
     default_adult,
-    make_grid,
     make_skeleton,
     prepare,
     reconstruct,
@@ -121,10 +120,19 @@ def test_unknown_subject_is_scaled_to_its_stature():
     assert prepared.skeleton.stature == pytest.approx(subject.stature, rel=0.05)
 
 
-def test_grid_can_be_given(scene, poses):
-    grid = make_grid(np.array([-1.2, -1.2, -0.1]), np.array([1.2, 1.2, 2.4]), 0.015)
-    other = reconstruct(scene, Settings(grid=grid))
-    assert np.median(distances_mm(other.joints, poses.joints)) < 1
+@pytest.mark.parametrize("up", ["+Z", "-Y"])
+def test_box_can_be_given_in_the_world_of_the_recording(scene, poses, up):
+    turn = {"+Z": Rotation.identity(), "-Y": Rotation.from_euler("x", 90, degrees=True)}[up].as_matrix()
+    corners = np.array([[-1.2, -1.2, -0.1], [1.2, 1.2, 2.4]]) @ turn.T
+    box = np.stack([corners.min(0), corners.max(0)])
+    other = reconstruct(moved(scene, turn, np.zeros(3), up), Settings(box=box))
+    assert np.median(distances_mm(other.joints, poses.joints @ turn.T)) < 1
+
+
+def test_person_outside_of_the_box_has_no_pose(scene):
+    poses = reconstruct(scene, Settings(box=np.array([[-1.2, -1.2, -0.1], [1.2, 1.2, 1.3]])))
+    assert not poses.has_pose.any()
+    assert "PARTLY_OUTSIDE" in names(poses)
 
 
 def names(poses: Poses) -> list[str]:

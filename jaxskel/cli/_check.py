@@ -18,7 +18,7 @@ from .._reproject import agreement, reproject
 from .._views import lost_views, silhouette_areas
 from ..io import read_recording
 from ..overlays import draw_box, draw_hull, draw_silhouette, tile, write_image
-from ._run import MaxMisses, Sequence, Spacing
+from ._run import Box, MaxMisses, Sequence, Spacing, make_settings
 
 _FRAMES = 8
 
@@ -29,13 +29,14 @@ def check(
     frame: Annotated[int | None, typer.Option(help="Frame to draw, counted from 0; the middle one by default.")] = None,
     spacing: Spacing = 0.015,
     max_misses: MaxMisses = 0,
+    box: Box = None,
 ) -> None:
     """Draw the voxel box and the hull's reprojection; report its coverage of the silhouettes in every view."""
     recording = read_recording(sequence)
     drawn = len(recording) // 2 if frame is None else frame
     if not 0 <= drawn < len(recording):
         raise ValueError(f"{sequence}: there is no frame {drawn}; give 0 to {len(recording) - 1}")
-    settings = Settings(spacing=spacing, max_misses=max_misses)
+    settings = make_settings(spacing, max_misses, box)
     prepared = prepare(recording, settings)
     if prepared.table is None:
         raise ValueError(f"{sequence}: no frame has a hull of a person's size; {_suspect(recording, settings)}")

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated
 
 import equinox as eqx
+import numpy as np
 import typer
 
 from .._pipeline import Settings
@@ -13,6 +14,10 @@ from ._progress import StageTimes, advice, reconstruct_with_progress, summary
 
 Sequence = Annotated[Path, typer.Argument(help="Sequence file (.npz): silhouettes and cameras.")]
 Spacing = Annotated[float, typer.Option(help="Edge length of a voxel (m).")]
+Box = Annotated[
+    tuple[float, float, float, float, float, float] | None,
+    typer.Option(help="Lower x, y, z and upper x, y, z of what to carve, in the input's world (m)."),
+]
 MaxMisses = Annotated[int, typer.Option(min=0, help="Cameras that may see background at an occupied voxel.")]
 
 
@@ -22,6 +27,7 @@ def run(
     subject: Annotated[Path | None, typer.Option(help="TOML file with the subject's dimensions.")] = None,
     spacing: Spacing = 0.015,
     max_misses: MaxMisses = 0,
+    box: Box = None,
 ) -> None:
     """Reconstruct every frame; write poses.npz and poses.csv."""
     recording = read_recording(sequence)
@@ -30,7 +36,7 @@ def run(
             lambda r: r.skeleton, recording, read_subject(subject), is_leaf=lambda leaf: leaf is None
         )
     check_output(output)
-    settings = Settings(spacing=spacing, max_misses=max_misses)
+    settings = make_settings(spacing, max_misses, box)
     times = StageTimes()
     poses, prepared = reconstruct_with_progress(recording, settings, times)
     archive, table = write_poses(output, poses)
@@ -41,6 +47,12 @@ def run(
     if problem:
         print(f"jaxskel: {sequence}: {problem}", file=sys.stderr)
         raise typer.Exit(1)
+
+
+def make_settings(spacing: float, max_misses: int, box: tuple[float, ...] | None) -> Settings:
+    """Settings from options."""
+    corners = None if box is None else np.array(box, np.float64).reshape(2, 3)
+    return Settings(spacing=spacing, max_misses=max_misses, box=corners)
 
 
 def check_output(folder: Path) -> None:
