@@ -117,6 +117,14 @@ def test_body_middles_are_where_the_rays_meet():
     np.testing.assert_allclose(body_middles(CAMERAS, silhouettes, lost), [b[0, :3] for b in balls], atol=0.02)
 
 
+def test_body_middles_forgive_a_blob_of_noise():
+    silhouettes = film(CAMERAS, [person()])
+    lost = np.zeros((1, 6), bool)
+    clean = body_middles(CAMERAS, silhouettes, lost)
+    silhouettes[0, 3, 5:35, 1:5] = 255
+    np.testing.assert_allclose(body_middles(CAMERAS, silhouettes, lost), clean, atol=0.1)
+
+
 def test_areas_and_centroids_by_hand():
     masks = np.zeros((1, 2, 6, 16), bool)
     masks[0, 0, 1:5, 8:16] = True  # rows 1..4, a whole byte of columns 8..15

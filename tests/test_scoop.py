@@ -64,6 +64,17 @@ def test_a_first_node_between_clusters_of_different_size():
     np.testing.assert_allclose(graph.radii[1], np.sqrt(19) / 2 * SPACING)
 
 
+def test_of_two_branches_the_larger_one_comes_first():
+    # On one side of the root a single voxel, on the other one a bar of three, which stands later in the grid.
+    x, y, z = ROOT
+    graph = scooped(
+        [drawn(bar(ROOT, ROOT), bar((x - 1, y, z), (x - 1, y, z)), bar((x + 1, y - 1, z), (x + 1, y + 1, z)))]
+    )[0]
+    np.testing.assert_array_equal(graph.parents, [-1, 0, 0])
+    assert graph.radii[1] > graph.radii[2]
+    np.testing.assert_array_equal(np.sign(voxels_from_root(graph, [1, 2])), [[1, 0, 0], [-1, 0, 0]])
+
+
 JUNCTION, BELOW = (20, 15, 20), (20, 15, 4)
 LEFT, RIGHT = (6, 15, 20), (34, 15, 20)
 

@@ -98,6 +98,10 @@ def test_default_adult_is_a_person():
     assert all(at[name][1] > 0 for name in at if name.startswith("l_"))  # left is +y
     assert at["l_toetip"][0] > at["l_foot"][0] > at["l_knee"][0]  # the feet point to +x
     down_the_body = ["head_top", "head", "neck", "l_shoulder", "pelvis", "l_knee", "l_foot", "l_toetip"]
+    # de Leva's upper arm, forearm with half the hand, in a straight arm that hangs 30 degrees off the trunk.
+    upper, lower = at["l_elbow"] - at["l_shoulder"], at["l_hand"] - at["l_elbow"]
+    np.testing.assert_allclose(lower / 0.179, upper / 0.162, rtol=1e-9)
+    np.testing.assert_allclose(upper / np.linalg.norm(upper), [0, 0.5, -np.sqrt(0.75)], atol=1e-9)
     heights = [at[name][2] for name in down_the_body]
     assert heights == sorted(heights, reverse=True)
 

@@ -41,6 +41,23 @@ def test_bones_are_exact_for_any_unknowns(seed):
     np.testing.assert_allclose(np.linalg.norm(tips - joints[list(TIP_PARENTS)], axis=1), ADULT.tip_lengths, atol=2e-6)
 
 
+def test_each_unknown_turns_its_bone_by_as_many_radians():
+    base = pose_of(3)
+
+    def directions(unknowns):
+        joints = np.asarray(kinematics(ADULT, pose_from(jnp.asarray(unknowns), base, ADULT))[0])
+        bones = joints[1:] - joints[list(JOINT_PARENTS[1:])]
+        return bones / np.linalg.norm(bones, axis=1, keepdims=True)
+
+    rest, turned = directions(np.zeros(UNKNOWNS)), []
+    for unknown in range(9, UNKNOWNS):  # after position, pelvis and chest
+        angles = np.arccos(np.clip((directions(0.3 * (np.arange(UNKNOWNS) == unknown)) * rest).sum(1), -1, 1))
+        turned.append(int(angles.argmax()))
+        np.testing.assert_allclose(angles[turned[-1]], 0.3, atol=1e-3)
+        np.testing.assert_allclose(np.delete(angles, turned[-1]), 0.0, atol=1e-3)
+    assert turned[::2] == turned[1::2] == sorted(set(turned))  # two for each bone
+
+
 def test_no_two_unknowns_do_the_same():
     # Tilting the pelvis about its hips and twisting the chest move no joint, but what hangs on them is held to them.
     def body(unknowns):
