@@ -102,7 +102,7 @@ def prune(graph: SkeletalGraph, min_length: float = 0.1) -> SkeletalGraph:
 
 
 def limit_ends(graph: SkeletalGraph, most: int) -> SkeletalGraph:
-    """Prune ever longer branches until at most `most` end nodes are left, the root among them."""
+    """Prune ever longer branches until at most `most` end nodes (two or more) are left, the root among them."""
     length = 0.05
     while len(graph.end_nodes) > most:
         length *= 1.2

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from ._rotations import exponential
 from ._skeleton import JOINT_PARENTS, SEGMENT_NAMES, SEGMENT_OF_JOINT, Pose, Skeleton
 
-# Segments that carry a triangle of joints turn freely; the others carry one bone, whose twist moves no joint.
+# The trunk turns freely, so that its twist can follow hips and shoulders; the twist of another bone moves no joint.
 _FREE = (0, 1)
 _BONES = tuple(range(2, len(SEGMENT_NAMES)))
 _JOINT_OF_BONE = tuple(SEGMENT_OF_JOINT.index(s) for s in _BONES)

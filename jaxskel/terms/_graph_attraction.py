@@ -5,14 +5,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._limbs import HEAD, L_FOOT, L_HAND, R_FOOT, R_HAND
+from .._limbs import L_FOOT, L_HAND, R_FOOT, R_HAND
 from .._skeleton import JOINT_NAMES, JOINT_PARENTS
 from ._base import AbstractTerm, Observed, PlacedBody
 
 # The bones that lie on a centre-line, by the joint they end in, with the path they belong to. Hips and shoulders
-# stand off to the side of it. The trunk is part of every path to a foot; paths to a hand may leave it early.
+# stand off to the side of it. Head and trunk are part of every path to a foot; paths to a hand may leave it early.
 _ATTRACTED = {
-    "neck": L_FOOT, "head": HEAD, "l_elbow": L_HAND, "l_hand": L_HAND, "r_elbow": R_HAND, "r_hand": R_HAND,
+    "neck": L_FOOT, "head": L_FOOT, "l_elbow": L_HAND, "l_hand": L_HAND, "r_elbow": R_HAND, "r_hand": R_HAND,
     "l_knee": L_FOOT, "l_foot": L_FOOT, "r_knee": R_FOOT, "r_foot": R_FOOT,
 }  # fmt: skip
 # 32 bits, because JAX mixes up wider indices when float64 is switched on after the first use.
