@@ -1,8 +1,13 @@
 """Accuracy over sequence files with ground truth: one row a file, as in the paper's Table 1, and speed.
 
     python benchmarks/accuracy.py SEQUENCE.npz ... [--output accuracy.json]
+    python benchmarks/accuracy.py SEQUENCE.npz ... --cameras 0,2,3,5,7,8      with fewer cameras
+    python benchmarks/accuracy.py SEQUENCE.npz ... --dirty 1                  with dirty masks
+    python benchmarks/accuracy.py SEQUENCE.npz ... --bones 0.05 --seed 1      with a mismeasured subject
 
-Prints the Markdown table of the README. Every file is reconstructed by the defaults of `jaxskel run`.
+Prints the Markdown table of the README. Every file is reconstructed by the defaults of `jaxskel run`. Errors are
+given with sides counted / with swaps forgiven; frames per second leave out the preparation of a file and compilation.
+Pin the process to one core (`taskset -c 0`) to measure what one core does.
 """
 
 import argparse
@@ -11,28 +16,33 @@ import time
 from pathlib import Path
 
 import numpy as np
+from _condition import Condition, add_options, condition_of, disturbed
 
-from jaxskel import Prepared, Recording, Settings, prepare, read_recording, reconstruct_batches
+from jaxskel import Poses, Prepared, Recording, Settings, prepare, read_recording, reconstruct_batches
 from jaxskel._poses import join_poses
 from jaxskel.metrics import Score, join_scores, score
 
 HEADER = (
-    "| sequence | frames | no pose | hands wrong | feet wrong | head wrong | all 15 right | median |\n"
-    "|---|---|---|---|---|---|---|---|"
+    "| sequence | frames | no pose | hands wrong | feet wrong | head wrong | all 15 right | median | frames/s |\n"
+    "|---|---|---|---|---|---|---|---|---|"
 )
 
 
-def reconstruct_and_score(recording: Recording, prepared: Prepared, settings: Settings) -> tuple[Score, float]:
-    """Score a recording against its truth; also the frames per second."""
-    if recording.truth is None:
-        raise ValueError(f"{recording.name}: key 'joints': there is no ground truth to score against")
+def reconstruct_timed(recording: Recording, prepared: Prepared, settings: Settings) -> tuple[Poses, float]:
+    """Reconstruct a recording; also the seconds it took."""
     start = time.perf_counter()
     poses = join_poses(reconstruct_batches(recording, settings, prepared))
-    seconds = time.perf_counter() - start
-    return score(poses.joints.astype(np.float64), recording.truth.joints, poses.has_pose), len(recording) / seconds
+    return poses, time.perf_counter() - start
 
 
-def row(name: str, result: Score) -> str:
+def score_against_truth(poses: Poses, recording: Recording) -> Score:
+    """Score the poses of a recording against its truth."""
+    if recording.truth is None:
+        raise ValueError(f"{recording.name}: key 'joints': there is no ground truth to score against")
+    return score(poses.joints.astype(np.float64), recording.truth.joints, poses.has_pose)
+
+
+def row(name: str, result: Score, frames_per_second: float) -> str:
     """A row of the table: percent with sides counted, then with swaps forgiven."""
     frames = len(result)
 
@@ -48,30 +58,48 @@ def row(name: str, result: Score) -> str:
     cells = [
         name, str(frames), str(int((~result.has_pose).sum())), percent("l_hand", "r_hand"),
         percent("l_foot", "r_foot"), percent("head"), right, f"{medians[0]} / {medians[1]} mm",
+        f"{frames_per_second:.0f}",
     ]  # fmt: skip
     return f"| {' | '.join(cells)} |"
+
+
+def score_files(paths: list[Path], condition: Condition, settings: Settings) -> tuple[dict[str, Score], Score]:
+    """Reconstruct and score files under a condition, and print a row for each and one for all.
+
+    Returns:
+        The score of each file by its name, and of all taken as one.
+    """
+    results: dict[str, Score] = {}
+    frames, seconds = 0, 0.0
+    suffix = f", {condition}" if str(condition) else ""
+    print(HEADER)
+    for path in sorted(paths):
+        if path.stem in results:
+            raise ValueError(f"{path}: another file is called {path.stem} too; give each a name of its own")
+        recording = disturbed(read_recording(path), condition)
+        prepared = prepare(recording, settings)
+        if not results:  # compiles
+            next(reconstruct_batches(recording, settings, prepared))
+        poses, taken = reconstruct_timed(recording, prepared, settings)
+        results[path.stem] = score_against_truth(poses, recording)
+        frames, seconds = frames + len(recording), seconds + taken
+        print(row(path.stem + suffix, results[path.stem], len(recording) / taken), flush=True)
+    total = join_scores(results.values())
+    print(row(f"**all**{suffix}", total, frames / seconds), flush=True)
+    return results, total
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("sequences", nargs="+", type=Path)
     parser.add_argument("--output", type=Path, help="also write every figure as JSON")
+    add_options(parser)
     arguments = parser.parse_args()
-    settings = Settings()
-    results, rates = {}, {}
-    print(HEADER)
-    for path in sorted(arguments.sequences):
-        recording = read_recording(path)
-        results[path.stem], rates[path.stem] = reconstruct_and_score(recording, prepare(recording, settings), settings)
-        print(row(path.stem, results[path.stem]), flush=True)
-    total = join_scores(list(results.values()))
-    print(row("**all**", total))
-    # The first file pays for the compilation.
-    later = list(rates.values())[1:] or list(rates.values())
-    print(f"\n{np.median(later):.0f} frames per second (median over the files after the first)")
+    condition = condition_of(arguments)
+    results, total = score_files(arguments.sequences, condition, Settings())
     if arguments.output:
         figures = {name: result.to_dict() for name, result in results.items()} | {"all": total.to_dict()}
-        arguments.output.write_text(json.dumps({"accuracy": figures, "fps": rates}, indent=1) + "\n")
+        arguments.output.write_text(json.dumps({"condition": str(condition), "accuracy": figures}, indent=1) + "\n")
 
 
 if __name__ == "__main__":

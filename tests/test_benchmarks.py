@@ -1,0 +1,360 @@
+"""The benchmarks do what they say: the disturbances are measured, the scripts run."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import equinox as eqx
+import numpy as np
+import pytest
+
+from jaxskel import JOINT_NAMES, Poses, Recording, make_cameras, pack_silhouettes, unpack_silhouettes
+from jaxskel._skeleton import MIRROR_JOINTS, MIRROR_TIPS
+from jaxskel.io import write_poses, write_recording
+from jaxskel.synthetic import make_scene
+
+BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
+sys.path.insert(0, str(BENCHMARKS))
+
+import accuracy  # noqa: E402
+import figures  # noqa: E402
+from _condition import Condition, disturbed  # noqa: E402
+from disturb import (  # noqa: E402
+    holes_and_blobs,
+    rough_edges,
+    with_cameras,
+    with_dirty_masks,
+    with_wrong_bones,
+)
+
+SEEDS = range(24)
+
+
+@pytest.fixture(scope="module")
+def scene() -> Recording:
+    return make_scene(4)
+
+
+def masks_of(recording: Recording) -> np.ndarray:
+    return unpack_silhouettes(recording.silhouettes, int(recording.cameras.size[0, 0]))
+
+
+def a_person() -> np.ndarray:
+    """A body, a head, and an arm of 5 px that sticks out; one foot stands on the edge of the image."""
+    mask = np.zeros((200, 160), bool)
+    mask[60:, 60:100] = True
+    mask[80:85, 100:140] = True
+    cv2.circle(mask.view(np.uint8), (80, 45), 14, 1, -1)
+    return mask
+
+
+def ring(mask: np.ndarray, width: int) -> np.ndarray:
+    """Pixels whose nearest pixel of the other kind is at most `width` away, counted the slow way."""
+    near = np.zeros_like(mask)
+    for dv in range(-width, width + 1):
+        for du in range(-width, width + 1):
+            if dv * dv + du * du <= width * width:
+                padded = np.pad(mask, width, mode="edge")
+                h, w = mask.shape
+                near |= padded[width + dv : width + dv + h, width + du : width + du + w] != mask
+    return near
+
+
+def unchanged(before: Recording, copy: np.ndarray) -> bool:
+    return np.array_equal(before.silhouettes, copy)
+
+
+# --- cameras
+
+
+def test_cameras_are_chosen_with_their_silhouettes(scene):
+    fewer = with_cameras(scene, [5, 0, 2])
+    assert fewer.cameras.names == tuple(scene.cameras.names[i] for i in (5, 0, 2))
+    np.testing.assert_array_equal(fewer.cameras.t, scene.cameras.t[[5, 0, 2]])
+    np.testing.assert_array_equal(fewer.silhouettes, scene.silhouettes[:, [5, 0, 2]])
+    assert len(scene.cameras) == 8
+
+
+@pytest.mark.parametrize("indices", [[0, 8], [-1], [1, 1], []])
+def test_impossible_cameras_are_refused(scene, indices):
+    with pytest.raises(ValueError, match=r"synthetic: cameras .* from 0 to 7"):
+        with_cameras(scene, indices)
+
+
+# --- masks
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_edges_move_by_at_most_two_pixels(seed):
+    mask = a_person()
+    rough = rough_edges(mask, np.random.default_rng(seed))
+    assert not (rough != mask)[~ring(mask, 2)].any()
+
+
+def test_edges_move_both_ways_by_every_amount_and_raggedly():
+    mask = a_person()
+    grown, layers = [], []
+    for seed in SEEDS:
+        rough = rough_edges(mask, np.random.default_rng(seed))
+        moved = rough != mask
+        grown.append(int(rough.sum()) - int(mask.sum()))
+        # Shares of the outline's first and second pixel that changed.
+        one, two = ring(mask, 1), ring(mask, 2) & ~ring(mask, 1)
+        side = rough if grown[-1] > 0 else ~rough
+        kind = ~mask if grown[-1] > 0 else mask
+        layers.append([(moved & side & kind)[layer & kind].mean() for layer in (one, two)])
+    outline = (ring(mask, 1) & mask).sum()
+    assert min(grown) < -outline
+    assert max(grown) > outline
+    first, second = np.array(layers).T
+    assert (first > 0.95).any()
+    assert (second > 0.5).any()
+    assert ((first > 0.05) & (first < 0.7)).any()  # ragged: moved in places only
+
+
+def test_nothing_stays_nothing():
+    empty = np.zeros((50, 60), bool)
+    assert not rough_edges(empty, np.random.default_rng(0)).any()
+    assert not holes_and_blobs(empty, np.random.default_rng(0)).any()
+    assert rough_edges(~empty, np.random.default_rng(0)).all()
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_two_discs_of_twenty_pixels_on_or_near_the_person(seed):
+    # A person too large for two discs to touch the edge, or a small one far from the edges.
+    large, small = np.ones((400, 400), bool), np.zeros((400, 400), bool)
+    small[190:210, 190:210] = True
+    (v, u) = np.mgrid[:400, :400]
+    disc = int(((v - 200) ** 2 + (u - 200) ** 2 <= 400).sum())
+    assert disc == pytest.approx(np.pi * 20**2, rel=0.01)
+    holes = large & ~holes_and_blobs(large, np.random.default_rng(seed))
+    assert holes.sum() <= 2 * disc
+    blobs = holes_and_blobs(small, np.random.default_rng(seed)) & ~small
+    assert blobs.sum() <= 2 * disc
+    rows, columns = np.nonzero(blobs)
+    if len(rows):
+        # A centre lies within 40 px of the person in u and in v, and the disc reaches 20 px farther.
+        assert min(rows.min(), columns.min()) >= 190 - 40 - 20
+        assert max(rows.max(), columns.max()) <= 209 + 40 + 20
+
+
+def test_holes_and_blobs_both_occur_and_are_whole():
+    large = np.ones((600, 600), bool)
+    small = np.zeros((600, 600), bool)
+    small[300, 300] = True
+    disc = 1257  # pixels whose centre is at most 20 px from that of the middle
+    holes = [int((~holes_and_blobs(large, np.random.default_rng(seed))).sum()) for seed in SEEDS]
+    blobs = [int(holes_and_blobs(small, np.random.default_rng(seed)).sum()) for seed in SEEDS]
+    assert disc in holes
+    assert 2 * disc in holes
+    assert any(count in blobs for count in (disc, disc + 1))
+    # A single point with two holes on it is gone.
+    assert 0 in blobs
+
+
+def test_one_view_of_each_frame_is_black(scene):
+    dirty = masks_of(with_dirty_masks(scene, 3))
+    assert masks_of(scene).any((2, 3)).all()
+    np.testing.assert_array_equal((~dirty.any((2, 3))).sum(1), 1)
+    seeds = [np.flatnonzero(~masks_of(with_dirty_masks(scene, seed)).any((2, 3)).ravel()) % 8 for seed in range(4)]
+    assert len(np.unique(seeds)) > 3
+
+
+def test_far_from_edges_and_discs_a_dirty_mask_is_the_clean_one(scene):
+    clean, dirty = masks_of(scene), masks_of(with_dirty_masks(scene, 3))
+    disc = 1257
+    for frame, frame_dirty in zip(clean, dirty, strict=True):
+        seen = frame_dirty.any((1, 2))
+        for before, after in zip(frame[seen], frame_dirty[seen], strict=True):
+            assert (before != after).any()
+            assert ((before != after) & ~ring(before, 2)).sum() <= 2 * disc
+
+
+def test_dirt_is_reproducible_and_differs_by_seed_and_recording(scene):
+    first = with_dirty_masks(scene, 1).silhouettes
+    np.testing.assert_array_equal(first, with_dirty_masks(scene, 1).silhouettes)
+    assert not np.array_equal(first, with_dirty_masks(scene, 2).silhouettes)
+    assert not np.array_equal(first, with_dirty_masks(eqx.tree_at(lambda r: r.name, scene, "other"), 1).silhouettes)
+
+
+def test_a_frame_is_disturbed_alike_whichever_are_chosen_with_it(scene):
+    some = with_dirty_masks(scene[1::2], 1).silhouettes
+    np.testing.assert_array_equal(some, with_dirty_masks(scene, 1).silhouettes[1::2])
+
+
+def test_pixels_beside_a_narrow_image_stay_empty():
+    """Widths that are no multiple of 8, and cameras of two sizes, share one stack of bits."""
+    sizes = np.array([[61, 50], [80, 40]])
+    K = np.tile(np.array([[50.0, 0, 30], [0, 50, 20], [0, 0, 1]]), (2, 1, 1))
+    cameras = make_cameras(K, np.tile(np.eye(3), (2, 1, 1)), np.zeros((2, 3)), sizes)
+    masks = np.zeros((30, 2, 50, 80), bool)
+    masks[:, 0, 20:50, 40:61] = masks[:, 1, 5:40, 40:80] = True
+    narrow = Recording(cameras, pack_silhouettes(masks), 1.0, "+Z", np.arange(30))
+    dirty = unpack_silhouettes(with_dirty_masks(narrow, 0).silhouettes, 80)
+    assert not dirty[:, 0, :, 61:].any()
+    assert not dirty[:, 1, 40:].any()
+    assert dirty[:, 0, :, 60].any()
+
+
+# --- bones
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_bones_are_off_by_the_share_and_alike_on_both_sides(scene, seed):
+    wrong = with_wrong_bones(scene, 0.05, seed).skeleton
+    assert wrong is not None
+    ratio = np.insert(wrong.bone_lengths / scene.skeleton.bone_lengths, 0, 1.0)
+    np.testing.assert_allclose(np.abs(ratio[1:] - 1), 0.05, atol=1e-12)
+    np.testing.assert_allclose(ratio, ratio[list(MIRROR_JOINTS)], atol=1e-12)
+    flip = np.array([1.0, -1.0, 1.0])
+    np.testing.assert_allclose(wrong.rest_joints, wrong.rest_joints[list(MIRROR_JOINTS)] * flip, atol=1e-12)
+    np.testing.assert_allclose(wrong.rest_tips, wrong.rest_tips[list(MIRROR_TIPS)] * flip, atol=1e-12)
+
+
+def test_tips_follow_the_bone_of_their_joint(scene):
+    wrong = with_wrong_bones(scene, 0.05, 0).skeleton
+    assert wrong is not None
+    ratio = wrong.bone_lengths / scene.skeleton.bone_lengths
+    ends = [JOINT_NAMES.index(name) - 1 for name in ("head", "l_hand", "r_hand", "l_foot", "r_foot")]
+    np.testing.assert_allclose(wrong.tip_lengths / scene.skeleton.tip_lengths, ratio[ends], atol=1e-12)
+
+
+def test_bones_are_reproducible_and_the_rest_is_untouched(scene):
+    joints = scene.skeleton.rest_joints.copy()
+    first = with_wrong_bones(scene, 0.05, 1)
+    assert first.skeleton is not None
+    np.testing.assert_array_equal(first.skeleton.rest_joints, with_wrong_bones(scene, 0.05, 1).skeleton.rest_joints)
+    drawn = {with_wrong_bones(scene, 0.05, seed).skeleton.bone_lengths.tobytes() for seed in range(8)}
+    assert len(drawn) > 4
+    np.testing.assert_array_equal(scene.skeleton.rest_joints, joints)
+    np.testing.assert_array_equal(first.truth.joints, scene.truth.joints)
+    assert unchanged(scene, first.silhouettes)
+
+
+def test_share_of_nothing_changes_nothing(scene):
+    same = with_wrong_bones(scene, 0.0, 1).skeleton
+    np.testing.assert_allclose(same.rest_joints, scene.skeleton.rest_joints, atol=1e-12)
+    np.testing.assert_allclose(same.rest_tips, scene.skeleton.rest_tips, atol=1e-12)
+
+
+def test_bones_that_cannot_be_disturbed_are_refused(scene):
+    unknown = eqx.tree_at(lambda r: r.skeleton, scene, None)
+    with pytest.raises(ValueError, match=r"synthetic: key 'rest_joints'"):
+        with_wrong_bones(unknown, 0.05, 0)
+    with pytest.raises(ValueError, match=r"share 5"):
+        with_wrong_bones(scene, 5, 0)
+
+
+# --- conditions
+
+
+def test_a_condition_does_all_it_names_and_leaves_its_input(scene):
+    before = scene.silhouettes.copy()
+    result = disturbed(scene, Condition(cameras=(0, 2, 4, 6), dirty=1, bones=0.05, seed=2, step=2))
+    assert unchanged(scene, before)
+    assert (len(result), len(result.cameras), result.fps) == (2, 4, scene.fps / 2)
+    np.testing.assert_array_equal(result.frame_index, [0, 2])
+    np.testing.assert_array_equal(result.truth.joints, scene.truth.joints[::2])
+    assert ((~masks_of(result).any((2, 3))).sum(1) == 1).all()  # one of the four, not one left out
+    assert not np.allclose(result.skeleton.bone_lengths, scene.skeleton.bone_lengths)
+    named = str(Condition(cameras=(0, 2), dirty=1, bones=0.05, seed=2, step=4))
+    assert named == "cameras 0 2, dirty masks (seed 1), bones ±5 % (seed 2), 1 frame in 4"
+    assert str(Condition()) == ""
+
+
+def poses_of_truth(scene: Recording) -> Poses:
+    """The truth from frame 1 on, as if reconstructed: one hand 50 mm off in frame 1, no pose in frame 3."""
+    joints, tips = scene.truth.joints[1:].astype(np.float32), scene.truth.tips[1:].astype(np.float32)
+    joints[0, JOINT_NAMES.index("l_hand")] += np.array([0.03, 0.0, 0.04], np.float32)
+    joints[2] = tips[2] = np.nan
+    trust = np.zeros((3, 15), np.float32), np.zeros(3, np.float32)
+    return Poses(joints, tips, *trust, np.array([0, 0, 3]), 5.0, "+Z", np.arange(1, 4))
+
+
+def test_distance_of_a_joint_is_taken_over_common_frames(scene):
+    poses = poses_of_truth(scene)
+    numbers, distances = figures.joint_distance(poses, scene)
+    np.testing.assert_array_equal(numbers, [1, 2, 3])
+    np.testing.assert_allclose(distances, [0.05, 0.0, np.nan], atol=1e-6)
+    elsewhere = eqx.tree_at(lambda p: p.frame_index, poses, np.arange(10, 13))
+    with pytest.raises(ValueError, match="no frame in common"):
+        figures.joint_distance(elsewhere, scene)
+    with pytest.raises(ValueError, match="same world"):
+        figures.joint_distance(eqx.tree_at(lambda p: p.up, poses, "+Y"), scene)
+
+
+@pytest.mark.parametrize("interval", [None, (1001, 1003)])
+def test_panels_of_late_frames_fill_the_picture(scene, tmp_path, interval):
+    """With a frame without a pose, and with none: matplotlib warns, hence fails here, where panels collapse."""
+    late = eqx.tree_at(lambda r: r.frame_index, scene, scene.frame_index + 1000)
+    poses = eqx.tree_at(lambda p: p.frame_index, poses_of_truth(scene), np.arange(1001, 1004))
+    figures.plot_joint_distance({"a": poses, "b": poses}, late, tmp_path / "hand.png", interval)
+    ink = (cv2.imread(str(tmp_path / "hand.png"), cv2.IMREAD_GRAYSCALE) < 250).any(1)
+    assert ink.mean() > 0.9
+
+
+def test_an_interval_without_frames_is_refused(scene, tmp_path):
+    with pytest.raises(ValueError, match=r"a: no frame from 7 to 8; its frames are 1\.\.3"):
+        figures.plot_joint_distance({"a": poses_of_truth(scene)}, scene, tmp_path / "hand.png", (7, 9))
+
+
+# --- the scripts
+
+
+def benchmark(name: str, *arguments: object, cwd: Path) -> subprocess.CompletedProcess:
+    command = [sys.executable, str(BENCHMARKS / name), *map(str, arguments)]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300)
+
+
+@pytest.mark.parametrize("name", ["accuracy.py", "speed.py", "figures.py"])
+def test_help_tells_the_command(name, tmp_path):
+    done = benchmark(name, "--help", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert f"python benchmarks/{name}" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        (["--cameras", "0,x"], "commas"),
+        (["--step", "0"], "from 1 on"),
+        (["--bones", "5"], "0.05 for 5 %"),
+        (["--dirty", "-1"], "--dirty"),
+    ],
+)
+def test_options_are_checked(options, complaint, tmp_path):
+    done = benchmark("accuracy.py", "scene.npz", *options, cwd=tmp_path)
+    assert done.returncode == 2
+    assert complaint in done.stderr
+
+
+def run(main: Callable[[], None], monkeypatch: pytest.MonkeyPatch, *arguments: object) -> None:
+    """Run a script in this process, so that the scripts share what they compile."""
+    monkeypatch.setattr(sys, "argv", ["benchmark", *map(str, arguments)])
+    main()
+
+
+def test_scripts_run_on_four_frames(scene, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    write_recording(tmp_path / "scene.npz", scene)
+    condition = ["--cameras", "0,1,2,3,4,5,6", "--step", "2"]
+    run(accuracy.main, monkeypatch, "scene.npz", *condition, "--output", "all.json")
+    rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith("|")]
+    assert len(rows) == 4
+    assert len({row.count("|") for row in rows}) == 1
+    assert rows[2].startswith("| scene, cameras 0 1 2 3 4 5 6, 1 frame in 2 | 2 | 0 |")
+    assert rows[3].startswith("| **all**, cameras 0 1 2 3 4 5 6, 1 frame in 2 | 2 | 0 |")
+    written = json.loads((tmp_path / "all.json").read_text())
+    assert written["condition"] == "cameras 0 1 2 3 4 5 6, 1 frame in 2"
+    assert set(written["accuracy"]) == {"scene", "all"}
+
+    write_poses(tmp_path / "out", poses_of_truth(scene))
+    panels = ["--hand", "scene.npz", "--poses", "one=out/poses.npz", "--poses", "two=out/poses.npz"]
+    run(figures.main, monkeypatch, "scene.npz", *condition, "-o", "pictures", *panels, "--interval", "1:4")
+    for name in ("figure3.png", "figure4a.png"):
+        picture = cv2.imread(str(tmp_path / "pictures" / name))
+        assert picture is not None
+        assert picture.std() > 5
