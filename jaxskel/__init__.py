@@ -8,6 +8,8 @@ from . import metrics as metrics
 from . import parametrisations as parametrisations
 from . import synthetic as synthetic
 from . import terms as terms
+from ._body import Body as Body
+from ._body import make_body as make_body
 from ._camera import Cameras as Cameras
 from ._camera import make_cameras as make_cameras
 from ._camera import project as project
@@ -20,10 +22,15 @@ from ._descriptors import describe_ends as describe_ends
 from ._descriptors import template_ends as template_ends
 from ._descriptors import template_geodesics as template_geodesics
 from ._dtw import dtw as dtw
+from ._field import DistanceField as DistanceField
+from ._field import hull_volume as hull_volume
 from ._graph import SkeletalGraph as SkeletalGraph
 from ._graph import prune as prune
 from ._grid import VoxelGrid as VoxelGrid
 from ._grid import make_grid as make_grid
+from ._head import HeadBall as HeadBall
+from ._head import HighestVoxel as HighestVoxel
+from ._head import RootFinder as RootFinder
 from ._hull import VisualHulls as VisualHulls
 from ._hull import hulls_from_dense as hulls_from_dense
 from ._initialise import initial_poses as initial_poses

@@ -10,7 +10,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from .._skeleton import (
+from ._skeleton import (
     JOINT_NAMES,
     JOINT_PARENTS,
     SEGMENT_NAMES,
@@ -22,7 +22,9 @@ from .._skeleton import (
 )
 
 # The joint that each segment turns about: where the bones start that it carries.
-_PROXIMAL = np.array([JOINT_PARENTS[SEGMENT_OF_JOINT.index(s)] if s else 0 for s in range(len(SEGMENT_NAMES))])
+_PROXIMAL = np.array(
+    [JOINT_PARENTS[SEGMENT_OF_JOINT.index(s)] if s else 0 for s in range(len(SEGMENT_NAMES))], np.int32
+)
 
 # Cross sections of the trunk from seat to shoulders: segment, height as a fraction of the way from pelvis to
 # neck, shift to the front, distance of the outer balls from the middle, their radius and that of the middle
@@ -46,11 +48,11 @@ class Body(eqx.Module):
     """Tapered capsules that move with a skeleton. Make one with [`make_body`][]."""
 
     skeleton: Skeleton
-    segments: Int[np.ndarray, "capsules 2"]
+    segments: Int[Array | np.ndarray, "capsules 2"]
     """Segment that carries each end, an index into `SEGMENT_NAMES`."""
-    offsets: Float[np.ndarray, "capsules 2 3"]
+    offsets: Float[Array | np.ndarray, "capsules 2 3"]
     """Each end at rest, from the joint that its segment turns about (m)."""
-    radii: Float[np.ndarray, "capsules 2"]
+    radii: Float[Array | np.ndarray, "capsules 2"]
     """Radius of the ball at each end (m)."""
 
 
@@ -62,11 +64,22 @@ def make_body(skeleton: Skeleton) -> Body:
     capsules = _trunk(rest, stature) + _head(rest, stature)
     for side in ("l_", "r_"):
         capsules += _arm(rest, stature, side) + _leg(rest, stature, side) + _foot(rest, stature, side)
-    segments = np.array([[SEGMENT_NAMES.index(segment) for segment, _, _ in ends] for ends in capsules])
+    segments = np.array([[SEGMENT_NAMES.index(segment) for segment, _, _ in ends] for ends in capsules], np.int32)
     points = np.array([[point for _, point, _ in ends] for ends in capsules])
     radii = np.array([[radius for _, _, radius in ends] for ends in capsules]) * stature
     joints = np.asarray(skeleton.rest_joints, np.float64)
     return Body(skeleton, segments, points - joints[_PROXIMAL[segments]], radii)
+
+
+def capsule_ends(
+    body: Body,
+    joints: Float[Array | np.ndarray, "*frames joints=15 3"],
+    rotations: Float[Array | np.ndarray, "*frames segments=13 3 3"],
+) -> Float[Array | np.ndarray, "*frames capsules 2 3"]:
+    """Centres of the balls at both ends of each capsule in the world (m), for NumPy and JAX arrays alike."""
+    xp = joints.__array_namespace__()
+    turned = xp.einsum("...ceij,cej->...cei", rotations[..., body.segments, :, :], body.offsets)
+    return joints[..., xp.asarray(_PROXIMAL)[body.segments], :] + turned
 
 
 def place_body(
@@ -82,8 +95,8 @@ def place_body(
         The centres of the balls at both ends of each capsule in the world (m) and their radii (m).
     """
     joints = np.asarray(place_joints(body.skeleton, pose)[0], np.float64)
-    turned = np.einsum("fceij,cej->fcei", np.asarray(pose.rotations)[:, body.segments], body.offsets)
-    return joints[:, _PROXIMAL[body.segments]] + turned, body.radii
+    ends = capsule_ends(body, joints, np.asarray(pose.rotations))
+    return np.asarray(ends), np.asarray(body.radii)
 
 
 @eqx.filter_jit

@@ -1,4 +1,4 @@
-"""The person in a hull: one connected body, all of it inside the observed volume, rooted at the top of the head."""
+"""The person in a hull: one connected body, all of it inside the observed volume."""
 
 import equinox as eqx
 import numpy as np
@@ -20,22 +20,17 @@ class People(eqx.Module):
 
     hulls: VisualHulls
     """Hulls without what does not belong to the person; empty where there is none."""
-    roots: Int[np.ndarray, " frames"]
-    """Index of the highest voxel of each person in ``hulls.voxels``; 0 where there is none."""
     status: Int[np.ndarray, " frames"]
     """`Status.OK`, or why there is no person."""
 
 
 def observed_edge(observed: Bool[np.ndarray, "x y z"]) -> Bool[np.ndarray, "x y z"]:
     """Observed voxels with an unobserved neighbour, the outside of the grid included."""
-    return observed & ~ndimage.binary_erosion(observed, border_value=0)
+    return observed & ~np.asarray(ndimage.binary_erosion(observed, border_value=0), bool)
 
 
 def find_people(hulls: VisualHulls, edge: Bool[np.ndarray, "x y z"]) -> People:
-    """Keep the largest connected body of each hull and find the top of its head.
-
-    The paper takes the highest voxel for the top of the head; of several equally high ones, the one nearest to their
-    middle.
+    """Keep the largest connected body of each hull.
 
     Args:
         hulls: As carved, z up.
@@ -43,11 +38,11 @@ def find_people(hulls: VisualHulls, edge: Bool[np.ndarray, "x y z"]) -> People:
     """
     count = len(hulls)
     inside = hulls.inside.copy()
-    roots, status = np.zeros(count, np.int64), np.full(count, int(Status.OK))
+    status = np.full(count, int(Status.OK))
     at_edge = edge[tuple(hulls.voxels.T)]
     for f in range(count):
         own = np.flatnonzero(inside[f])
-        labels, sizes = _bodies(hulls.voxels[own])
+        labels, sizes = label_bodies(hulls.voxels[own])
         status[f] = _judge(sizes * hulls.grid.spacing**3)
         if status[f] == Status.OK:
             own = own[labels == 1 + np.argmax(sizes)]
@@ -56,10 +51,19 @@ def find_people(hulls: VisualHulls, edge: Bool[np.ndarray, "x y z"]) -> People:
         inside[f] = False
         if status[f] == Status.OK:
             inside[f, own] = True
-            top = own[hulls.voxels[own, 2] == hulls.voxels[own, 2].max()]
-            places = hulls.voxels[top]
-            roots[f] = top[np.argmin(((places - places.mean(0)) ** 2).sum(1))]
-    return People(VisualHulls(hulls.voxels, inside, hulls.grid), roots, status)
+    return People(VisualHulls(hulls.voxels, inside, hulls.grid), status)
+
+
+def label_bodies(voxels: Int[np.ndarray, "n 3"]) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " bodies"]]:
+    """Label the connected bodies among some voxels, from 1, and count the voxels of each."""
+    if len(voxels) == 0:
+        return np.zeros(0, int), np.zeros(0, int)
+    low = voxels.min(0)
+    box = np.zeros(voxels.max(0) - low + 1, bool)
+    where = tuple((voxels - low).T)
+    box[where] = True
+    labels, sizes = connected_bodies(box)
+    return labels[where], sizes
 
 
 def shares_outside(hulls: VisualHulls, table: ProjectionTable) -> Float[np.ndarray, "frames cams"]:
@@ -82,18 +86,6 @@ def seen_whole(
     whole = ((outside < _CUT_SHARE) & ~lost).sum(1)
     cut = ((outside >= _CUT_SHARE) & ~lost).any(1) | (outside > 1 - _CUT_SHARE).any(1)
     return ~cut | (whole >= min(4, lost.shape[1] - 1))
-
-
-def _bodies(voxels: Int[np.ndarray, "n 3"]) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " bodies"]]:
-    """Label the connected bodies among some voxels, from 1, and count the voxels of each."""
-    if len(voxels) == 0:
-        return np.zeros(0, int), np.zeros(0, int)
-    low = voxels.min(0)
-    box = np.zeros(voxels.max(0) - low + 1, bool)
-    where = tuple((voxels - low).T)
-    box[where] = True
-    labels, sizes = connected_bodies(box)
-    return labels[where], sizes
 
 
 def _judge(volumes: np.ndarray) -> Status:

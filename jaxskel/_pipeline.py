@@ -15,6 +15,7 @@ from ._confidence import joint_confidence
 from ._descriptors import MAX_ENDS, describe_ends, template_ends
 from ._graph import SkeletalGraph, limit_ends, prune
 from ._grid import make_grid
+from ._head import HighestVoxel, RootFinder
 from ._hull import VisualHulls
 from ._initialise import initial_poses
 from ._limbs import HANDLESS_DESCRIPTOR, L_FOOT, R_FOOT, Limbs, label_limbs
@@ -55,6 +56,8 @@ class Settings(eqx.Module):
     """Cameras that must see a voxel for it to be occupied; by default 3, with fewer than six cameras 2."""
     max_misses: int = 0
     """k-of-n voting: so many cameras may see background at an occupied voxel."""
+    root: RootFinder = HighestVoxel()
+    """Where the graph starts: the paper's `HighestVoxel`, or `HeadBall` where hands are raised or heads bent."""
     min_branch: float = 0.2
     """Shorter branches of the graph are pruned (m)."""
     matcher: Matcher = DtwMatcher()
@@ -106,7 +109,8 @@ def prepare(recording: Recording, settings: Settings) -> Prepared:
     people = find_people(carve(sils[chosen], table, lost, settings.max_misses), edge)
     standing = people.status == Status.OK
     hulls = VisualHulls(people.hulls.voxels, people.hulls.inside[standing], table.grid)
-    stature = estimate_stature(skeletal_graphs(hulls, people.roots[standing], settings.min_branch))
+    roots = settings.root.roots(hulls, prepared.skeleton)
+    stature = estimate_stature(skeletal_graphs(hulls, roots, settings.min_branch))
     if stature is None or not 0.8 < stature < 2.4:
         return prepared
     return eqx.tree_at(lambda p: p.skeleton, prepared, default_adult(stature))
@@ -158,7 +162,8 @@ def reconstruct_batch(
             status[views < MIN_VIEWS] = Status.TOO_FEW_VIEWS
             good = np.flatnonzero(status == Status.OK)
             hulls = VisualHulls(people.hulls.voxels, people.hulls.inside[good], people.hulls.grid)
-            graphs = skeletal_graphs(hulls, people.roots[good], settings.min_branch)
+            roots = settings.root.roots(hulls, prepared.skeleton)
+            graphs = skeletal_graphs(hulls, roots, settings.min_branch)
         with stopwatch("match"):
             limbs, facing, side_confidence = labelled_limbs(graphs, prepared.skeleton, settings)
             plausible = _plausible(graphs, limbs, prepared.skeleton)

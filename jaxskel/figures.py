@@ -41,7 +41,8 @@ def stages_of(recording: Recording, prepared: Prepared, settings: Settings, fram
     people = find_people(carve(silhouettes, prepared.table, lost, settings.max_misses), prepared.edge)
     if people.status[0] != Status.OK:
         return None
-    graphs = skeletal_graphs(people.hulls, people.roots, settings.min_branch)
+    roots = settings.root.roots(people.hulls, prepared.skeleton)
+    graphs = skeletal_graphs(people.hulls, roots, settings.min_branch)
     limbs, _, _ = labelled_limbs(graphs, prepared.skeleton, settings)
     poses = reconstruct_batch(silhouettes, recording, prepared, settings)
     return Stages(people.hulls, graphs[0], limbs, poses.joints[0] @ prepared.to_z_up.T)

@@ -1,11 +1,11 @@
 """A scene that the package makes itself: body, motion, cameras, silhouettes and ground truth."""
 
+from .._body import Body as Body
+from .._body import make_body as make_body
+from .._body import place_body as place_body
+from .._body import place_joints as place_joints
 from .asf_amc import parse_asf_amc as parse_asf_amc
 from .asf_amc import read_asf_amc as read_asf_amc
-from .body import Body as Body
-from .body import make_body as make_body
-from .body import place_body as place_body
-from .body import place_joints as place_joints
 from .bvh import parse_bvh as parse_bvh
 from .bvh import read_bvh as read_bvh
 from .capture import Motion as Motion

@@ -7,8 +7,8 @@ without overshoot (PCHIP), so knees and elbows never bend the wrong way between 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from .._body import make_body, place_body, place_joints
 from .._skeleton import JOINT_NAMES, SEGMENT_NAMES, TIP_NAMES, Pose, Skeleton
-from .body import make_body, place_body, place_joints
 from .capture import turn
 
 DURATION = 12.0

@@ -3,9 +3,9 @@
 import numpy as np
 from jaxtyping import Float
 
+from .._body import TOE_CLEARANCE, place_joints
 from .._recording import rotation_to_z_up
 from .._skeleton import JOINT_NAMES, JOINT_PARENTS, SEGMENT_NAMES, TIP_NAMES, Pose, Skeleton
-from .body import TOE_CLEARANCE, place_joints
 from .capture import Motion
 
 # The joints by their names in the files, {} standing for the prefix of the side. Where two names are given

@@ -4,10 +4,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from .._body import make_body, place_body, place_joints
 from .._camera import Cameras, make_cameras
 from .._recording import Recording, Truth
 from .._skeleton import Pose, Skeleton, default_adult
-from .body import make_body, place_body, place_joints
 from .motion import demo_motion
 from .render import render
 

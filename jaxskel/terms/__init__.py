@@ -4,6 +4,8 @@ A term is an `AbstractTerm`: a Module with a weight and a `residual`. What it ne
 it looks up in `correspond`, once before each inner solve, so that the solver sees a smooth function.
 """
 
+from .._body import Body
+from ._arm_collision import ArmCollision as ArmCollision
 from ._base import AbstractTerm as AbstractTerm
 from ._base import Objective as Objective
 from ._base import Observed as Observed
@@ -11,8 +13,11 @@ from ._base import PlacedBody as PlacedBody
 from ._base import place as place
 from ._end_nodes import EndNodeAttraction as EndNodeAttraction
 from ._graph_attraction import GraphAttraction as GraphAttraction
+from ._hinges import HingeLimits as HingeLimits
 from ._inner_nodes import InnerNodeAttraction as InnerNodeAttraction
+from ._inside_hull import InsideHull as InsideHull
 from ._rest_prior import RestPrior as RestPrior
+from ._surface_coverage import SurfaceCoverage as SurfaceCoverage
 
 
 def paper_objective() -> Objective:
@@ -26,6 +31,24 @@ def paper_objective() -> Objective:
             "graph": GraphAttraction(weight=100.0),
             "end_nodes": EndNodeAttraction(weight=400.0),
             "inner_nodes": InnerNodeAttraction(weight=100.0),
+            "rest": RestPrior(weight=2.0),
+        }
+    )
+
+
+def volume_objective(body: Body) -> Objective:
+    """Fit a body with volume to the hull: its surface covers the hull's, it stays inside, limbs bend as they can.
+
+    Needs ``observed.field`` and ``observed.surface``, see `jaxskel.hull_volume`; uses no labels of the graph, so it
+    needs a pose to start from in which each limb is nearer to its own part of the hull than to another. Weights as in
+    `paper_objective`: the cost of a well explained frame is of the order of ten.
+    """
+    return Objective(
+        {
+            "coverage": SurfaceCoverage(body=body, weight=1.2e5),
+            "inside": InsideHull(body=body, weight=7e4),
+            "collision": ArmCollision(body=body, weight=400.0),
+            "hinges": HingeLimits(weight=40.0),
             "rest": RestPrior(weight=2.0),
         }
     )

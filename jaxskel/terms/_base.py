@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
+from .._field import DistanceField
 from .._skeleton import Pose, Skeleton, forward_kinematics
 
 
@@ -22,7 +23,7 @@ class PlacedBody(eqx.Module):
 
 
 class Observed(eqx.Module):
-    """What was measured in one frame, or in each frame of a batch: the labelled skeletal graph."""
+    """What was measured in one frame, or in each of a batch: the labelled skeletal graph, on demand the hull."""
 
     paths: Float[Array | np.ndarray, "*frames labels=5 points 3"]
     """From the root to head, left and right hand, left and right foot, evenly spaced along the graph (m)."""
@@ -30,6 +31,10 @@ class Observed(eqx.Module):
     """Whether an end node was found for this label."""
     neck: Float[Array | np.ndarray, "*frames 3"]
     pelvis: Float[Array | np.ndarray, "*frames 3"]
+    field: DistanceField | None = None
+    """Signed distance to the hull's surface, for the terms that look at the volume."""
+    surface: Float[Array | np.ndarray, "*frames points 3"] | None = None
+    """Points on the hull's surface (m), for the same terms."""
 
 
 def place(skeleton: Skeleton, pose: Pose) -> PlacedBody:
