@@ -18,7 +18,16 @@ from pathlib import Path
 import numpy as np
 from _condition import Condition, add_options, condition_of, disturbed
 
-from jaxskel import Poses, Prepared, Recording, Settings, prepare, read_recording, reconstruct_batches
+from jaxskel import (
+    Poses,
+    Prepared,
+    Recording,
+    Settings,
+    paper_settings,
+    prepare,
+    read_recording,
+    reconstruct_batches,
+)
 from jaxskel._poses import join_poses
 from jaxskel.metrics import Score, join_scores, score
 
@@ -94,12 +103,15 @@ def main() -> None:
     parser.add_argument("sequences", nargs="+", type=Path)
     parser.add_argument("--output", type=Path, help="also write every figure as JSON")
     add_options(parser)
+    parser.add_argument("--preset", choices=("default", "paper"), default="default", help="as in `jaxskel run`")
     arguments = parser.parse_args()
+    settings = paper_settings() if arguments.preset == "paper" else Settings()
     condition = condition_of(arguments)
-    results, total = score_files(arguments.sequences, condition, Settings())
+    results, total = score_files(arguments.sequences, condition, settings)
     if arguments.output:
         figures = {name: result.to_dict() for name, result in results.items()} | {"all": total.to_dict()}
-        arguments.output.write_text(json.dumps({"condition": str(condition), "accuracy": figures}, indent=1) + "\n")
+        report = {"preset": arguments.preset, "condition": str(condition), "accuracy": figures}
+        arguments.output.write_text(json.dumps(report, indent=1) + "\n")
 
 
 if __name__ == "__main__":

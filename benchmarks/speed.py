@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jaxskel import Settings, prepare, read_recording, reconstruct_batches
+from jaxskel import Settings, paper_settings, prepare, read_recording, reconstruct_batches
 from jaxskel.cli._progress import StageTimes
 
 
@@ -21,8 +21,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("sequence", type=Path)
     parser.add_argument("--repeat", type=int, default=5)
+    parser.add_argument("--preset", choices=("default", "paper"), default="default", help="as in `jaxskel run`")
     arguments = parser.parse_args()
-    recording, settings = read_recording(arguments.sequence), Settings()
+    recording = read_recording(arguments.sequence)
+    settings = paper_settings() if arguments.preset == "paper" else Settings()
     start = time.perf_counter()
     prepared = prepare(recording, settings)
     print(f"prepared in {time.perf_counter() - start:.1f} s: {prepared.table.grid.shape if prepared.table else None}")

@@ -44,6 +44,7 @@ from ._person import find_people as find_people
 from ._person import observed_edge as observed_edge
 from ._pipeline import Prepared as Prepared
 from ._pipeline import Settings as Settings
+from ._pipeline import paper_settings as paper_settings
 from ._pipeline import prepare as prepare
 from ._pipeline import reconstruct as reconstruct
 from ._pipeline import reconstruct_batch as reconstruct_batch

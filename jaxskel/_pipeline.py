@@ -15,10 +15,10 @@ from ._confidence import joint_confidence
 from ._descriptors import MAX_ENDS, describe_ends, template_ends
 from ._graph import SkeletalGraph, limit_ends, prune
 from ._grid import make_grid
-from ._head import HighestVoxel, RootFinder
+from ._head import HeadBall, HighestVoxel, RootFinder
 from ._hull import VisualHulls
 from ._initialise import initial_poses
-from ._limbs import HANDLESS_DESCRIPTOR, L_FOOT, R_FOOT, Limbs, label_limbs
+from ._limbs import HANDLESS_DESCRIPTOR, L_FOOT, PAPER_DESCRIPTOR, R_FOOT, Limbs, label_limbs
 from ._match import DtwMatcher, Matcher
 from ._person import find_people, observed_edge, seen_whole
 from ._placement import place_grid
@@ -46,7 +46,7 @@ Stopwatch = Callable[[str], AbstractContextManager[Any]]
 
 
 class Settings(eqx.Module):
-    """How to reconstruct. The defaults are the paper's method."""
+    """How to reconstruct. The defaults are the paper's method with two changes, see `paper_settings`."""
 
     spacing: float = 0.015
     """Edge length of a voxel (m)."""
@@ -56,8 +56,8 @@ class Settings(eqx.Module):
     """Cameras that must see a voxel for it to be occupied; by default 3, with fewer than six cameras 2."""
     max_misses: int = 0
     """k-of-n voting: so many cameras may see background at an occupied voxel."""
-    root: RootFinder = HighestVoxel()
-    """Where the graph starts: the paper's `HighestVoxel`, or `HeadBall` where hands are raised or heads bent."""
+    root: RootFinder = HeadBall()
+    """Where the graph starts: on the ball of the head, or, as in the paper, at the `HighestVoxel`."""
     min_branch: float = 0.2
     """Shorter branches of the graph are pruned (m)."""
     matcher: Matcher = DtwMatcher()
@@ -68,6 +68,11 @@ class Settings(eqx.Module):
     solver: optx.AbstractLeastSquaresSolver = eqx.field(default_factory=default_solver)
     rounds: int = 3
     max_steps: int = 16
+
+
+def paper_settings() -> Settings:
+    """The paper's method, faithful: the head is the highest voxel, and Eq. 5 describes inner nodes by all end nodes."""
+    return Settings(root=HighestVoxel(), descriptor=PAPER_DESCRIPTOR)
 
 
 class Prepared(eqx.Module):
@@ -213,7 +218,7 @@ def reconstruct(recording: Recording, settings: Settings | None = None) -> Poses
     Args:
         recording: Silhouettes and cameras; its ``skeleton`` is the template if it is known, otherwise an average
             adult is scaled to the stature that the hulls show.
-        settings: How; the paper's method by default.
+        settings: How; see `Settings`.
 
     Returns:
         Poses in the recording's world, with a status for each frame. A frame that cannot be reconstructed has NaN

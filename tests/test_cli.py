@@ -99,6 +99,18 @@ def test_subject_file_gives_the_bone_lengths(folder):
     assert np.linalg.norm(joints[4] - joints[3]) == pytest.approx(0.35, abs=1e-5)
 
 
+def test_preset_paper_takes_a_raised_hand_for_the_head(tmp_path):
+    scene = make_scene(60)[18:21]  # the hand is above the head
+    write_recording(tmp_path / "raised.npz", scene)
+    heads = {}
+    for preset in ("default", "paper"):
+        done = jaxskel("run", "raised.npz", "-o", preset, "--preset", preset, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        joints = read_poses(tmp_path / preset / "poses.npz").joints
+        heads[preset] = np.linalg.norm(joints[:, 2] - scene.truth.joints[:, 2], axis=-1).max()
+    assert heads["default"] < 0.1 < heads["paper"]
+
+
 def test_black_recording_exits_with_1_and_advice(tmp_path):
     scene = make_scene(2)
     scene.silhouettes[:] = 0

@@ -101,6 +101,13 @@ def test_a_neck_as_thick_as_the_head_never_parts_but_its_top_is_found():
     assert apart(places(HeadBall(), filled(body(neck=HEAD_RADIUS))), TOP) < 1.5 * SPACING
 
 
+def test_where_no_depth_parts_them_the_first_one_stands():
+    # At the second depth the head is gone, and only the trunk is left.
+    ahead = np.array([0.3, 0.0, 1.55])
+    hulls = filled(body(head=ahead, neck=0.09, hand=(0.0, 0.35, 0.85)))
+    assert apart(places(HeadBall(depths=(0.04, 0.1)), hulls), ahead + [0, 0, HEAD_RADIUS]) < 2 * SPACING
+
+
 def test_no_part_as_thick_as_a_head_leaves_the_highest_voxel():
     hulls = filled(thin())
     np.testing.assert_array_equal(HeadBall().roots(hulls, ADULT), HighestVoxel().roots(hulls, ADULT))
@@ -112,6 +119,12 @@ def test_a_knot_in_the_raised_arm_is_a_speck():
     hulls = filled(knotted, spacing=0.005)
     assert apart(places(HeadBall(), hulls), TOP) < 0.02
     assert apart(places(HeadBall(least_core=1e-6), hulls), HAND + [0, 0, 0.062]) < 0.02
+
+
+def test_specks_alone_leave_the_highest_voxel():
+    hulls = filled(np.vstack([thin(), [0, 0.1, 0.5, 0.062]]), spacing=0.005)
+    assert deep_voxels(hulls, np.array([0]), HeadBall().depths[0]).any()
+    np.testing.assert_array_equal(HeadBall().roots(hulls, ADULT), HighestVoxel().roots(hulls, ADULT))
 
 
 @pytest.mark.parametrize("spacing", [0.0075, 0.015, 0.03])

@@ -50,8 +50,8 @@ def test_scene_is_reconstructed(scene, matcher):
     assert poses.has_pose.all()
     assert 1e3 * result.percentile(50) < 25
     assert 1e3 * result.percentile(50, "r_foot") < 25
-    # The raised hand of a few frames is the highest voxel: the paper's method takes it for the head.
-    assert result.all_correct() > 0.7
+    assert result.all_correct() > 0.85
+    assert result.wrong("head") == 0
 
 
 def test_bones_have_exactly_the_lengths_of_the_template(scene, poses):

@@ -18,7 +18,7 @@ from .._reproject import agreement, reproject
 from .._views import lost_views, silhouette_areas
 from ..io import read_recording
 from ..overlays import draw_box, draw_hull, draw_silhouette, tile, write_image
-from ._run import Box, MaxMisses, Sequence, Spacing, make_settings
+from ._run import Box, MaxMisses, Preset, Sequence, Spacing, make_settings
 
 _FRAMES = 8
 
@@ -36,7 +36,7 @@ def check(
     drawn = len(recording) // 2 if frame is None else frame
     if not 0 <= drawn < len(recording):
         raise ValueError(f"{sequence}: there is no frame {drawn}; give 0 to {len(recording) - 1}")
-    settings = make_settings(spacing, max_misses, box)
+    settings = make_settings(Preset.DEFAULT, spacing, max_misses, box)
     prepared = prepare(recording, settings)
     if prepared.table is None:
         raise ValueError(f"{sequence}: no frame has a hull of a person's size; {_suspect(recording, settings)}")

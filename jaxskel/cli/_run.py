@@ -1,6 +1,8 @@
 """`jaxskel run`: a sequence file to poses."""
 
 import sys
+from dataclasses import replace
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -8,7 +10,7 @@ import equinox as eqx
 import numpy as np
 import typer
 
-from .._pipeline import Settings
+from .._pipeline import Settings, paper_settings
 from ..io import read_recording, read_subject, write_poses
 from ._progress import StageTimes, advice, reconstruct_with_progress, summary
 
@@ -17,6 +19,18 @@ Spacing = Annotated[float, typer.Option(help="Edge length of a voxel (m).")]
 Box = Annotated[
     tuple[float, float, float, float, float, float] | None,
     typer.Option(help="Lower x, y, z and upper x, y, z of what to carve, in the input's world (m)."),
+]
+
+
+class Preset(StrEnum):
+    """Named settings."""
+
+    DEFAULT = "default"
+    PAPER = "paper"
+
+
+PresetOption = Annotated[
+    Preset, typer.Option(help="default, or paper: its method to the letter (the head is the highest voxel).")
 ]
 MaxMisses = Annotated[int, typer.Option(min=0, help="Cameras that may see background at an occupied voxel.")]
 
@@ -28,6 +42,7 @@ def run(
     spacing: Spacing = 0.015,
     max_misses: MaxMisses = 0,
     box: Box = None,
+    preset: PresetOption = Preset.DEFAULT,
 ) -> None:
     """Reconstruct every frame; write poses.npz and poses.csv."""
     recording = read_recording(sequence)
@@ -36,7 +51,7 @@ def run(
             lambda r: r.skeleton, recording, read_subject(subject), is_leaf=lambda leaf: leaf is None
         )
     check_output(output)
-    settings = make_settings(spacing, max_misses, box)
+    settings = make_settings(preset, spacing, max_misses, box)
     times = StageTimes()
     poses, prepared = reconstruct_with_progress(recording, settings, times)
     archive, table = write_poses(output, poses)
@@ -49,10 +64,11 @@ def run(
         raise typer.Exit(1)
 
 
-def make_settings(spacing: float, max_misses: int, box: tuple[float, ...] | None) -> Settings:
+def make_settings(preset: Preset, spacing: float, max_misses: int, box: tuple[float, ...] | None) -> Settings:
     """Settings from options."""
+    base = paper_settings() if preset is Preset.PAPER else Settings()
     corners = None if box is None else np.array(box, np.float64).reshape(2, 3)
-    return Settings(spacing=spacing, max_misses=max_misses, box=corners)
+    return replace(base, spacing=spacing, max_misses=max_misses, box=corners)
 
 
 def check_output(folder: Path) -> None:
