@@ -56,17 +56,21 @@ class HeadBall(eqx.Module):
     """A smaller core is a speck (m^3). Those of heads measured 70e-6 to 390e-6 at 50 to 57 mm, on the same hulls."""
     most_core: float = 600e-6
     """A larger core is not the head's alone (m^3)."""
+    overtopped: float = 0.160
+    """Where another core reaches this much higher (m), a thick neck joins the head to it, and it is the head's: the
+    core of a head that is bent below the shoulders is not that far below theirs."""
 
     def roots(self, hulls: VisualHulls, skeleton: Skeleton) -> Int[np.ndarray, " frames"]:
         """Index into ``hulls.voxels`` of the root of each person's graph; 0 for an empty hull."""
         scale = skeleton.stature / _STATURE
         least, most = (volume * scale**3 / hulls.grid.spacing**3 for volume in (self.least_core, self.most_core))
+        lead = self.overtopped * scale / hulls.grid.spacing
         roots = np.full(len(hulls), -1)
         joined = np.flatnonzero(hulls.inside.any(1))
         for depth in self.depths:
             frames, joined = joined, np.zeros(0, np.int64)
             for f, deep in zip(frames, deep_voxels(hulls, frames, depth * scale), strict=True):
-                core = _highest_core(hulls, np.flatnonzero(deep), least)
+                core = _highest_core(hulls, np.flatnonzero(deep), least, lead)
                 alone = 0 < len(core) <= most
                 if len(core) and (alone or roots[f] < 0):
                     roots[f] = _straight_up(hulls, f, _highest(hulls, core))
@@ -142,13 +146,25 @@ def _highest(hulls: VisualHulls, own: Int[np.ndarray, " own"]) -> int:
     return int(top[np.argmin(((places - places.mean(0)) ** 2).sum(1))])
 
 
-def _highest_core(hulls: VisualHulls, own: Int[np.ndarray, " own"], least: float) -> Int[np.ndarray, " core"]:
-    """The connected part of some voxels whose middle is highest, specks left out; nothing where all are specks."""
+def _highest_core(
+    hulls: VisualHulls, own: Int[np.ndarray, " own"], least: float, lead: float
+) -> Int[np.ndarray, " core"]:
+    """The connected part of some voxels whose middle is highest, or one that reaches `lead` voxels higher still.
+
+    Specks are left out; the result is empty where all are specks.
+    """
     labels, sizes = label_bodies(hulls.voxels[own])
     if len(sizes) == 0 or sizes.max() < least:
         return own[:0]
-    middles = np.bincount(labels, hulls.voxels[own, 2])[1:] / sizes
-    return own[labels == 1 + np.argmax(np.where(sizes >= least, middles, -np.inf))]
+    heights = hulls.voxels[own, 2]
+    middles = np.bincount(labels, heights)[1:] / sizes
+    tops = np.full(len(sizes), -1)
+    np.maximum.at(tops, labels - 1, heights)
+    middles[sizes < least], tops[sizes < least] = -np.inf, -1
+    core = int(np.argmax(middles))
+    if tops.max() - tops[core] > lead:
+        core = int(np.argmax(tops))
+    return own[labels == 1 + core]
 
 
 def _straight_up(hulls: VisualHulls, frame: int | np.integer, voxel: int) -> int:

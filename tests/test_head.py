@@ -211,3 +211,11 @@ def test_raised_hands_and_a_crouch_from_silhouettes():
 
     assert head_errors(HeadBall()).max() < 0.1
     assert (head_errors(HighestVoxel())[above] > 0.1).any()
+
+
+def test_head_that_a_thick_neck_joins_to_the_trunk_is_not_lost_to_a_thick_arm():
+    # Loose clothes: the neck is as thick as the head, and the elbow of a lifted arm has a core of its own.
+    elbow = np.array([0.0, 0.42, 1.36])
+    clothed = np.vstack([body(neck=HEAD_RADIUS, hand=elbow), np.append(elbow, 0.09)])
+    assert apart(places(HeadBall(), filled(clothed)), TOP) < 1.5 * SPACING
+    assert apart(places(HeadBall(overtopped=10.0), filled(clothed)), elbow) < 0.15
