@@ -23,12 +23,12 @@ from jaxskel import (
     Prepared,
     Recording,
     Settings,
+    join_poses,
     paper_settings,
     prepare,
     read_recording,
     reconstruct_batches,
 )
-from jaxskel._poses import join_poses
 from jaxskel.metrics import Score, join_scores, score
 
 HEADER = (

@@ -54,6 +54,7 @@ from ._placement import place_grid as place_grid
 from ._poses import STATUS_NAMES as STATUS_NAMES
 from ._poses import Poses as Poses
 from ._poses import Status as Status
+from ._poses import join_poses as join_poses
 from ._recording import Recording as Recording
 from ._recording import Truth as Truth
 from ._recording import pack_silhouettes as pack_silhouettes
