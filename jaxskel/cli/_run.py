@@ -30,7 +30,7 @@ class Preset(StrEnum):
 
 
 PresetOption = Annotated[
-    Preset, typer.Option(help="default, or paper: its method to the letter (the head is the highest voxel).")
+    Preset, typer.Option(help="default, or paper: as the paper describes it (the head is the highest voxel).")
 ]
 MaxMisses = Annotated[int, typer.Option(min=0, help="Cameras that may see background at an occupied voxel.")]
 
