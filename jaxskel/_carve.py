@@ -125,8 +125,9 @@ def carve(
         part, gone = silhouettes[start : start + FRAMES_PER_WORD], lost[start : start + FRAMES_PER_WORD]
         # A full word always, so that a shorter last batch does not compile again.
         missing = FRAMES_PER_WORD - len(part)
-        part = np.pad(part, ((0, missing), (0, 0), (0, 0), (0, 0)))
-        gone = np.pad(gone, ((0, missing), (0, 0)))
+        if missing:
+            part = np.pad(part, ((0, missing), (0, 0), (0, 0), (0, 0)))
+            gone = np.pad(gone, ((0, missing), (0, 0)))
         words.append(np.asarray(carve_words(frame_words(part, gone), table, max_misses)))
     occupied = np.flatnonzero(words[0]) if len(words) == 1 else np.flatnonzero(np.bitwise_or.reduce(words))
     inside = np.empty((frames, len(occupied)), bool)

@@ -150,21 +150,21 @@ def reconstruct_batch(
 ) -> Poses:
     """Reconstruct up to `BATCH` frames. ``fps`` and ``frame_index`` of the result count from the batch's start."""
     count = len(silhouettes)
-    status = np.full(count, int(Status.NO_HULL))
     joints, tips = np.full((count, 15, 3), np.nan, np.float32), np.full((count, 5, 3), np.nan, np.float32)
     confidence, sides = np.zeros((count, 15), np.float32), np.full(count, 0.5, np.float32)
 
     lost = lost_views(silhouette_areas(silhouettes), recording.cameras)
     views = (~lost).sum(1)
+    enough = views >= MIN_VIEWS
+    status = np.where(enough, Status.NO_HULL, np.where(views > 0, Status.TOO_FEW_VIEWS, Status.EMPTY))
     if prepared.table is not None:
         with stopwatch("carve"):
             hulls = carve(silhouettes, prepared.table, lost, settings.max_misses)
         with stopwatch("graph"):
             people = find_people(hulls, prepared.edge)
-            status = people.status.copy()
+            status[enough] = people.status[enough]
             cut = ~seen_whole(people.hulls, prepared.table, lost)
             status[(status == Status.OK) & cut] = Status.PARTLY_OUTSIDE
-            status[views < MIN_VIEWS] = Status.TOO_FEW_VIEWS
             good = np.flatnonzero(status == Status.OK)
             hulls = VisualHulls(people.hulls.voxels, people.hulls.inside[good], people.hulls.grid)
             roots = settings.root.roots(hulls, prepared.skeleton)
@@ -190,11 +190,7 @@ def reconstruct_batch(
         back = prepared.to_z_up.T.astype(np.float32)
         joints[done], tips[done] = refined.joints[fitted] @ back.T, refined.tips[fitted] @ back.T
         confidence[done], sides[done] = trust[fitted], side_confidence[fitted]
-    status[views == 0] = Status.EMPTY
-    status[(views > 0) & (views < MIN_VIEWS)] = Status.TOO_FEW_VIEWS
-    return Poses(
-        joints, tips, confidence, sides, status, recording.fps, recording.up, np.arange(count)
-    )  # fmt: skip
+    return Poses(joints, tips, confidence, sides, status, recording.fps, recording.up, np.arange(count))
 
 
 def reconstruct_batches(

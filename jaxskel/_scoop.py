@@ -81,22 +81,20 @@ class _Wave:
     def __init__(self, neighbours: Int[np.ndarray, "voxels 26"], inside: Bool[np.ndarray, "frames voxels"]):
         self.stride = np.int32(len(neighbours) + 1)
         self.neighbours = neighbours
+        # A table of its own: taking rows of a slice would first copy the whole slice, in every round.
+        self.half = np.ascontiguousarray(neighbours[:, _HALF])
         self.open = np.pad(inside, ((0, 0), (0, 1))).reshape(-1)
         self.number = np.zeros(len(self.open), np.int32)
 
-    def _around(self, voxels: np.ndarray, half: bool) -> np.ndarray:
+    def _around(self, voxels: np.ndarray, table: np.ndarray) -> np.ndarray:
         local = voxels % self.stride
-        around = (
-            self.neighbours.take(local, 0, mode="clip")
-            if not half
-            else self.neighbours[:, _HALF].take(local, 0, mode="clip")
-        )
+        around = table.take(local, 0, mode="clip")
         around += (voxels - local)[:, None]
-        return around
+        return around.reshape(-1)
 
     def step(self, voxels: np.ndarray, owners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Open neighbours of some voxels, each with the first owner that reaches it; `owners` must not decrease."""
-        around = self._around(voxels, half=False).reshape(-1)
+        around = self._around(voxels, self.neighbours)
         hit = np.flatnonzero(self.open.take(around, mode="clip"))
         return self.first_come(around.take(hit), owners.take(hit // 26))
 
@@ -111,7 +109,7 @@ class _Wave:
         """Label what is connected among the newly reached voxels of each owner."""
         count = len(voxels)
         self.number[voxels] = np.arange(count, dtype=np.int32)
-        around = self._around(voxels, half=True).reshape(-1)
+        around = self._around(voxels, self.half)
         other = self.number.take(around, mode="clip")
         other[other >= count] = 0  # stale numbers are told by pointing to another voxel
         hit = np.flatnonzero(voxels.take(other) == around)

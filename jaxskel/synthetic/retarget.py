@@ -5,6 +5,7 @@ from jaxtyping import Float
 
 from .._body import TOE_CLEARANCE, place_joints
 from .._recording import rotation_to_z_up
+from .._rotations import aligning
 from .._skeleton import JOINT_NAMES, JOINT_PARENTS, SEGMENT_NAMES, TIP_NAMES, Pose, Skeleton
 from .capture import Motion
 
@@ -106,7 +107,7 @@ def retarget(motion: Motion, skeleton: Skeleton) -> Pose:
         ):
             first_rest, second_rest = rest[_AT[side + joint]], rest[_AT[side + end]]
             first, second = bones[:, _AT[side + joint]], bones[:, _AT[side + end]]
-            swung = _swing(turned[parent] @ first_rest, first) @ turned[parent]
+            swung = aligning(turned[parent] @ first_rest, first) @ turned[parent]
             hinge = _hinge(first, second, swung[..., 0], bend)
             front = np.array([1.0, 0.0, 0.0])
             turned[side + upper] = _frames(first, np.cross(hinge, first)) @ _frames(first_rest, front).T
@@ -161,17 +162,6 @@ def _frames(along: np.ndarray, front: np.ndarray) -> np.ndarray:
     across = np.where(np.linalg.norm(across, axis=-1, keepdims=True) > 1e-6, across, spare)
     second = across / np.linalg.norm(across, axis=-1, keepdims=True)
     return np.stack([first, second, np.cross(first, second)], -1)
-
-
-def _swing(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """The smallest rotation from one unit direction to another."""
-    axis = np.cross(start, end)
-    cosine = (start * end).sum(-1)[:, None, None]
-    skew = np.zeros((len(start), 3, 3))
-    skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0] = axis.T
-    skew = skew - skew.swapaxes(-1, -2)
-    # Rodrigues' formula; opposite directions leave the axis open, and the bound keeps that finite.
-    return np.eye(3) + skew + skew @ skew / np.maximum(1.0 + cosine, 1e-6)
 
 
 def _hinge(first: np.ndarray, second: np.ndarray, front: np.ndarray, bend: float) -> np.ndarray:
