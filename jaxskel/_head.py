@@ -9,8 +9,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Int, UInt8
 
-from ._hull import VisualHulls
-from ._person import label_bodies
+from ._hull import VisualHulls, label_bodies
 from ._skeleton import Skeleton
 
 _STATURE = 1.75  # of the body that the sizes below belong to (m)
@@ -77,7 +76,7 @@ class HeadBall(eqx.Module):
                 if not alone:
                     joined = np.append(joined, f)
         none = roots < 0
-        roots[none] = HighestVoxel().roots(VisualHulls(hulls.voxels, hulls.inside[none], hulls.grid), skeleton)
+        roots[none] = HighestVoxel().roots(hulls[none], skeleton)
         return roots
 
 

@@ -30,6 +30,10 @@ class VisualHulls(eqx.Module):
         """Volume of each hull (m^3)."""
         return self.inside.sum(1) * self.grid.spacing**3
 
+    def __getitem__(self, frames: Int[np.ndarray, " some"] | Bool[np.ndarray, " frames"]) -> "VisualHulls":
+        """The hulls of some frames."""
+        return VisualHulls(self.voxels, self.inside[frames], self.grid)
+
     def dense(self, frame: int) -> Bool[np.ndarray, "x y z"]:
         """Occupancy of one frame on the whole grid."""
         occupancy = np.zeros(self.grid.shape, bool)
@@ -43,10 +47,14 @@ def hulls_from_dense(occupancy: Bool[np.ndarray, "frames x y z"], grid: VoxelGri
     return VisualHulls(voxels, occupancy[:, voxels[:, 0], voxels[:, 1], voxels[:, 2]], grid)
 
 
-def connected_bodies(
-    occupancy: Bool[np.ndarray, "x y z"],
-) -> tuple[Int[np.ndarray, "x y z"], Int[np.ndarray, " bodies"]]:
+def label_bodies(voxels: Int[np.ndarray, "n 3"]) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " bodies"]]:
     """Label what is connected over faces, edges or corners, from 1, and count the voxels of each body."""
-    labels = np.zeros(occupancy.shape, np.int32)
-    ndimage.label(occupancy, np.ones((3, 3, 3)), output=labels)
-    return labels, np.bincount(labels.ravel())[1:]
+    if len(voxels) == 0:
+        return np.zeros(0, int), np.zeros(0, int)
+    low = voxels.min(0)
+    box = np.zeros(voxels.max(0) - low + 1, bool)
+    where = tuple((voxels - low).T)
+    box[where] = True
+    labels = np.zeros(box.shape, np.int32)
+    ndimage.label(box, np.ones((3, 3, 3)), output=labels)
+    return labels[where], np.bincount(labels[where])[1:]

@@ -6,7 +6,7 @@ from jaxtyping import Bool, Float, Int
 from scipy import ndimage
 
 from ._carve import ProjectionTable
-from ._hull import VisualHulls, connected_bodies
+from ._hull import VisualHulls, label_bodies
 from ._poses import Status
 
 _LEAST_PERSON = 0.008  # a smaller hull is no person (m^3)
@@ -52,18 +52,6 @@ def find_people(hulls: VisualHulls, edge: Bool[np.ndarray, "x y z"]) -> People:
         if status[f] == Status.OK:
             inside[f, own] = True
     return People(VisualHulls(hulls.voxels, inside, hulls.grid), status)
-
-
-def label_bodies(voxels: Int[np.ndarray, "n 3"]) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " bodies"]]:
-    """Label the connected bodies among some voxels, from 1, and count the voxels of each."""
-    if len(voxels) == 0:
-        return np.zeros(0, int), np.zeros(0, int)
-    low = voxels.min(0)
-    box = np.zeros(voxels.max(0) - low + 1, bool)
-    where = tuple((voxels - low).T)
-    box[where] = True
-    labels, sizes = connected_bodies(box)
-    return labels[where], sizes
 
 
 def shares_outside(hulls: VisualHulls, table: ProjectionTable) -> Float[np.ndarray, "frames cams"]:

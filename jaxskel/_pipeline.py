@@ -112,8 +112,7 @@ def prepare(recording: Recording, settings: Settings) -> Prepared:
     chosen = np.unique(np.linspace(0, len(recording) - 1, _STATURE_FRAMES).astype(int))
     lost = lost_views(silhouette_areas(sils[chosen]), cameras)
     people = find_people(carve(sils[chosen], table, lost, settings.max_misses), edge)
-    standing = people.status == Status.OK
-    hulls = VisualHulls(people.hulls.voxels, people.hulls.inside[standing], table.grid)
+    hulls = people.hulls[people.status == Status.OK]
     roots = settings.root.roots(hulls, prepared.skeleton)
     stature = estimate_stature(skeletal_graphs(hulls, roots, settings.min_branch))
     if stature is None or not 0.8 < stature < 2.4:
@@ -166,7 +165,7 @@ def reconstruct_batch(
             cut = ~seen_whole(people.hulls, prepared.table, lost)
             status[(status == Status.OK) & cut] = Status.PARTLY_OUTSIDE
             good = np.flatnonzero(status == Status.OK)
-            hulls = VisualHulls(people.hulls.voxels, people.hulls.inside[good], people.hulls.grid)
+            hulls = people.hulls[good]
             roots = settings.root.roots(hulls, prepared.skeleton)
             graphs = skeletal_graphs(hulls, roots, settings.min_branch)
         with stopwatch("match"):

@@ -6,7 +6,7 @@ from jaxtyping import Bool, Float, UInt8
 from ._camera import Cameras, rays
 from ._carve import carve, projection_table
 from ._grid import VoxelGrid, make_grid
-from ._hull import connected_bodies
+from ._hull import label_bodies
 from ._views import MIN_VIEWS, silhouette_centroids
 
 _COARSE = 3  # coarse voxels are this many times larger
@@ -52,11 +52,8 @@ def place_grid(
     coarse = make_grid(middles.min(0) - _REACH, middles.max(0) + _REACH, min(_COARSE * spacing, _COARSEST))
     height, width = silhouettes.shape[2], 8 * silhouettes.shape[3]
     hulls = carve(silhouettes, projection_table(cameras, coarse, height, width, min_views), lost, max_misses)
-    occupied = np.zeros(coarse.shape, bool)
-    occupied[tuple(hulls.voxels.T)] = True
-    labels, sizes = connected_bodies(occupied)
-    people = np.concatenate([[False], sizes * coarse.spacing**3 >= _LEAST_VOLUME])
-    voxels = np.argwhere(people[labels])
+    labels, sizes = label_bodies(hulls.voxels)
+    voxels = hulls.voxels[sizes[labels - 1] * coarse.spacing**3 >= _LEAST_VOLUME] if len(sizes) else hulls.voxels
     if len(voxels) == 0:
         return None
     origin = np.asarray(coarse.origin)
