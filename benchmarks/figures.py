@@ -1,96 +1,118 @@
-r"""The paper's figures of accuracy, Figure 3 and Figure 4(a), over sequence files with ground truth.
+r"""The paper's Table 1, Figure 3 and Figure 4(a) over sequence files with ground truth, our presets side by side.
 
-    python benchmarks/figures.py SEQUENCE.npz ... -o FOLDER
-    python benchmarks/figures.py SEQUENCE.npz ... -o FOLDER --hand 13_18_male.npz \
-        --poses "paper=out/poses.npz" --poses "tracked=tracked/poses.npz" --interval 300:700
+    python benchmarks/figures.py full/*.npz sparse/*.npz --output FOLDER
+    python benchmarks/figures.py full/*.npz --output FOLDER --presets paper --interval 300:700
 
-Writes `figure3.png`: how far each joint is from the truth over all files together, reconstructed by the defaults of
-`jaxskel run`. With `--hand` also `figure4a.png`: the distance of the left hand from its true position over the frames
-of one sequence, one panel for each `poses.npz` that `jaxskel run` has written of it.
+The sequences of one folder are one set: a section of the table, a row of the figures. A file stem such as 13_18_male
+tells the clip, hence the paper's numbers for it, and the body. Writes `table1.md`, `table1.json`, `boxplots.png`
+(Figure 3a), `threshold.png` (Figure 3b), and, if clip 13_18 is given, `hand_distance.png` (Figure 4a: its most finely
+sampled file). The poses of every finished file are kept below FOLDER/runs: a benchmark that is cut off goes on there.
+
+Files are read one at a time, but each as a whole, because the grid is laid around all of its frames.
 """
 
 import argparse
-from collections.abc import Mapping
+import json
 from pathlib import Path
 
-import numpy as np
-from _condition import add_options, condition_of, disturbed
-from accuracy import score_files
-from jaxtyping import Float, Int
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+from _condition import Condition, add_options, condition_of, disturbed
+from _drawings import WRONG_MM, draw_boxplots, draw_joint_distance, draw_thresholds, joint_distance, jumpy_interval
+from _runs import PRESETS, Preset, Run, made_from, read_run, reconstruct_run, score_run, write_run
+from _table import clip_and_body, paper_dict, table_dict, table_markdown
 
-from jaxskel import JOINT_NAMES, Poses, Recording, Settings, read_recording, reconstruct
-from jaxskel.io import read_poses
-from jaxskel.plots import plot_score
+from jaxskel import read_recording
+from jaxskel.metrics import join_scores
 
-_WRONG_MM = 100
-"""Table 1 counts a hand farther off than this as wrong (mm)."""
+_HAND_CLIP = "13_18"
+"""The sequence of Figure 4(a)."""
+_HAND_FRAMES = 400
+"""The paper does not tell its interval; of so many frames each can still be seen in a picture of 1500 px."""
+
+Runs = dict[str, dict[str, dict[str, Run]]]
+"""By set, preset and file stem."""
 
 
-def joint_distance(
-    poses: Poses, recording: Recording, joint: str = "l_hand"
-) -> tuple[Int[np.ndarray, " common"], Float[np.ndarray, " common"]]:
-    """How far a joint is from the truth over the frames that both have.
+def sets_of(paths: list[Path]) -> dict[str, dict[str, Path]]:
+    """The sequence files by folder and stem."""
+    sets: dict[str, dict[str, Path]] = {}
+    for path in sorted(paths):
+        files = sets.setdefault(path.resolve().parent.name, {})
+        if path.stem in files:
+            raise ValueError(f"{path}: {files[path.stem]} has the same name and folder name; rename one of them")
+        files[path.stem] = path
+    return sets
 
-    Returns:
-        The number of each frame in the material, and the distances (m), NaN without a pose or a truth.
+
+def run_all(sets: dict[str, dict[str, Path]], presets: list[Preset], condition: Condition, folder: Path) -> Runs:
+    """Reconstruct what is not yet kept below the folder, and read the rest.
+
+    Raises:
+        ValueError: What is kept was made from other files, under another condition or by other settings.
     """
-    if recording.truth is None:
-        raise ValueError(f"{recording.name}: key 'joints': there is no ground truth to measure from")
-    if poses.up != recording.up:
-        raise ValueError(f"{recording.name}: up is {recording.up} but the poses have {poses.up}; give the same world")
-    numbers, a, b = np.intersect1d(poses.frame_index, recording.frame_index, return_indices=True)
-    if not len(numbers):
-        raise ValueError(f"{recording.name}: key 'frame_index': no frame in common with the poses")
-    index = JOINT_NAMES.index(joint)
-    offsets = poses.joints[a, index].astype(np.float64) - recording.truth.joints[b, index]
-    return numbers, np.linalg.norm(offsets, axis=-1)
+    runs: Runs = {name: {preset.name: {} for preset in presets} for name in sets}
+    missing: dict[tuple[str, str], list[tuple[Preset, dict[str, str], Path]]] = {}
+    # All that is kept is read first, so that a fault is told before hours of work.
+    for name, files in sets.items():
+        for stem, path in files.items():
+            for preset in presets:
+                source = made_from(path, condition, preset.settings())
+                kept = folder / name / f"{stem}.{preset.name}.npz"
+                if kept.exists():
+                    runs[name][preset.name][stem] = read_run(kept, source)
+                else:
+                    missing.setdefault((name, stem), []).append((preset, source, kept))
+    for number, ((name, stem), todo) in enumerate(missing.items(), 1):
+        recording = disturbed(read_recording(sets[name][stem]), condition)
+        for preset, source, kept in todo:
+            label = f"[{number}/{len(missing)}] {name}/{stem}, {preset.name}"
+            run = reconstruct_run(recording, preset.settings(), label)
+            write_run(kept, run, source)
+            runs[name][preset.name][stem] = run
+    return runs
 
 
-def plot_joint_distance(
-    poses: Mapping[str, Poses], recording: Recording, path: Path, interval: tuple[int, int] | None = None
-) -> None:
-    """Draw the left hand's distance from the truth as Figure 4(a) of Straka et al. (BMVC 2011) does.
-
-    Args:
-        poses: Reconstructions of the recording by their labels, a panel each.
-        recording: With the truth.
-        path: The picture; its ending tells the format (.png, .pdf, .svg).
-        interval: First frame and the frame after the last, by their numbers in the material; all by default.
-    """
-    figure = Figure(figsize=(10, 1 + 2 * len(poses)), layout="constrained")
-    FigureCanvasAgg(figure)
-    panels = figure.subplots(len(poses), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
-    for axes, (label, estimated) in zip(panels, poses.items(), strict=True):
-        numbers, distances = joint_distance(estimated, recording)
-        first, end = interval or (int(numbers[0]), int(numbers[-1]) + 1)
-        shown = (numbers >= first) & (numbers < end)
-        if not shown.any():
-            raise ValueError(f"{label}: no frame from {first} to {end - 1}; its frames are {numbers[0]}..{numbers[-1]}")
-        numbers, mm = numbers[shown], 1e3 * distances[shown]
-        lost = np.isnan(mm)
-        # Frames that the recording itself skips are joined; a frame without a pose leaves a gap and a mark.
-        axes.plot(numbers, mm, ".-", markersize=3, linewidth=1)
-        if lost.any():  # nothing to draw would be laid out as a point at the origin
-            axes.plot(numbers[lost], np.zeros(lost.sum()), "x", color="tab:red", clip_on=False)
-        axes.axhline(_WRONG_MM, color="grey", linestyle=":")
-        wrong = 100 * (lost | (mm > _WRONG_MM)).mean()
-        axes.set_title(f"{label}: wrong in {wrong:.1f} % of {len(mm)} frames, {lost.sum()} without a pose", loc="left")
-        axes.set_ylabel("left hand (mm)")
-        axes.grid(alpha=0.3)
-    panels[0].set_ylim(bottom=0)
-    panels[-1].set_xlabel(f"frame of {recording.name}")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=150)
+def write_table(runs: Runs, presets: list[Preset], condition: Condition, folder: Path) -> None:
+    """Write `table1.md` and `table1.json`."""
+    scores = {
+        name: {preset: {stem: score_run(run) for stem, run in by_stem.items()} for preset, by_stem in by_preset.items()}
+        for name, by_preset in runs.items()
+    }
+    lines = ["# Table 1", ""]
+    if str(condition):
+        lines += [f"Under the condition: {condition}.", ""]
+    versions = sorted({run.code for by in runs.values() for by_stem in by.values() for run in by_stem.values()})
+    if len(versions) > 1:
+        lines += [f"Made by {len(versions)} versions of the code ({', '.join(versions)}): not comparable.", ""]
+    lines += [table_markdown(name, by_preset, presets) for name, by_preset in scores.items()]
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "table1.md").write_text("\n".join(lines), encoding="utf-8")
+    report = {
+        "condition": str(condition), "code": versions, "paper": paper_dict(),
+        "sets": {name: table_dict(by_preset) for name, by_preset in scores.items()},
+    }  # fmt: skip
+    (folder / "table1.json").write_text(json.dumps(report, indent=1) + "\n")
 
 
-def labelled(text: str) -> tuple[str, Path]:
-    """Split LABEL=PATH."""
-    label, found, path = text.partition("=")
-    if not (label and found and path):
-        raise argparse.ArgumentTypeError(f"{text!r}: give LABEL=POSES.npz")
-    return label, Path(path)
+def draw_hand(runs: Runs, interval: tuple[int, int] | None, path: Path) -> None:
+    """Draw Figure 4(a) of its clip's longest file, by default where the first preset jumps most."""
+    presets = list(next(iter(runs.values())))
+    files = [
+        (len(run.frame_index), name, stem)
+        for name, by_preset in runs.items()
+        for stem, run in by_preset[presets[0]].items()
+        if clip_and_body(stem)[0] == _HAND_CLIP
+    ]
+    if not files:
+        print(f"no {path.name}: no sequence of clip {_HAND_CLIP} is given")
+        return
+    _, name, stem = max(files, key=lambda file: file[0])
+    shown = {preset: runs[name][preset][stem] for preset in presets}
+    if interval is None:
+        # The paper chose "a time interval with many errors that cause a jump of the hand position" (Sect. 4.2).
+        numbers, distances = joint_distance(shown[presets[0]])
+        chosen = numbers[jumpy_interval(~(1e3 * distances <= WRONG_MM), _HAND_FRAMES)]
+        interval = int(chosen[0]), int(chosen[-1]) + 1
+    draw_joint_distance(shown, f"{name}/{stem}", path, interval)
 
 
 def span(text: str) -> tuple[int, int]:
@@ -101,32 +123,36 @@ def span(text: str) -> tuple[int, int]:
     return int(first), int(end)
 
 
+def presets_of(text: str) -> list[Preset]:
+    """The presets of a list with commas, in the order of `PRESETS`."""
+    names, known = text.split(","), [preset.name for preset in PRESETS]
+    if not set(names) <= set(known):
+        raise argparse.ArgumentTypeError(f"{text!r}: give some of {','.join(known)}")
+    return [preset for preset in PRESETS if preset.name in names]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("sequences", nargs="*", type=Path, help="for Figure 3")
-    parser.add_argument("--output", "-o", type=Path, required=True, help="folder of the pictures")
-    parser.add_argument("--hand", type=Path, metavar="SEQUENCE", help="the sequence of Figure 4(a)")
+    parser.add_argument("sequences", nargs="+", type=Path)
+    parser.add_argument("--output", "-o", type=Path, required=True, metavar="FOLDER")
     parser.add_argument(
-        "--poses", type=labelled, action="append", default=[], metavar="LABEL=POSES",
-        help="a panel of Figure 4(a); by default the sequence is reconstructed",
+        "--presets", type=presets_of, default=list(PRESETS), metavar="A,B",
+        help=f"the columns, by default {','.join(preset.name for preset in PRESETS)}",
     )  # fmt: skip
     parser.add_argument("--interval", type=span, metavar="FIRST:END", help="frame numbers of Figure 4(a)")
     add_options(parser)
     arguments = parser.parse_args()
-    if not (arguments.sequences or arguments.hand):
-        parser.error("give sequences for Figure 3, or --hand for Figure 4(a)")
-    if (arguments.poses or arguments.interval) and not arguments.hand:
-        parser.error("--poses and --interval are of Figure 4(a): give its sequence by --hand")
-    condition, settings = condition_of(arguments), Settings()
-    if arguments.sequences:
-        _, total = score_files(arguments.sequences, condition, settings)
-        plot_score(total, arguments.output / "figure3.png")
-    if arguments.hand:
-        recording = read_recording(arguments.hand)
-        poses = {label: read_poses(path) for label, path in arguments.poses}
-        if not poses:
-            poses = {str(condition) or "default": reconstruct(disturbed(recording, condition), settings)}
-        plot_joint_distance(poses, recording, arguments.output / "figure4a.png", arguments.interval)
+    condition, folder = condition_of(arguments), arguments.output
+    runs = run_all(sets_of(arguments.sequences), arguments.presets, condition, folder / "runs")
+    write_table(runs, arguments.presets, condition, folder)
+    totals = {
+        name: {preset: join_scores(map(score_run, by_stem.values())) for preset, by_stem in by_preset.items()}
+        for name, by_preset in runs.items()
+    }
+    draw_boxplots(totals, folder / "boxplots.png")
+    draw_thresholds(totals, folder / "threshold.png")
+    draw_hand(runs, arguments.interval, folder / "hand_distance.png")
+    print((folder / "table1.md").read_text(encoding="utf-8"))
 
 
 if __name__ == "__main__":

@@ -1,85 +1,153 @@
-"""A body of plausible human volumes: tapered capsules around the bones and tips of a skeleton.
+"""A body with volume: tapered capsules that move with a skeleton.
 
-A tapered capsule is the convex hull of two balls. Each of its ends is fixed to one rigid segment of the
-skeleton, so a capsule whose ends belong to different segments bridges the joint between them and stays closed
-when it bends.
+A tapered capsule is the convex hull of two balls. Each ball is fixed to one rigid segment of the skeleton, so a
+capsule whose balls belong to different segments bridges the joint between them and stays closed when it bends.
 """
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from ._skeleton import (
     JOINT_NAMES,
-    JOINT_PARENTS,
+    PIVOT_NAMES,
     SEGMENT_NAMES,
-    SEGMENT_OF_JOINT,
     TIP_NAMES,
     Pose,
     Skeleton,
     forward_kinematics,
+    place_segments,
+    rest_origins,
 )
 
-# The joint that each segment turns about: where the bones start that it carries.
-_PROXIMAL = np.array(
-    [JOINT_PARENTS[SEGMENT_OF_JOINT.index(s)] if s else 0 for s in range(len(SEGMENT_NAMES))], np.int32
-)
+BALL_NAMES = (
+    "l_seat", "r_seat", "l_waist", "r_waist", "l_chest", "r_chest", "l_girdle", "r_girdle", "nape", "face", "crown",
+    "l_shoulder", "l_elbow", "l_forearm", "l_wrist", "l_palm", "l_finger",
+    "r_shoulder", "r_elbow", "r_forearm", "r_wrist", "r_palm", "r_finger",
+    "l_hip", "l_knee", "l_calf", "l_ankle", "l_heel", "l_ball", "l_toe",
+    "r_hip", "r_knee", "r_calf", "r_ankle", "r_heel", "r_ball", "r_toe",
+)  # fmt: skip
+"""Balls of the body that [`make_body`][] makes."""
 
-# Cross sections of the trunk from seat to shoulders: segment, height as a fraction of the way from pelvis to
-# neck, shift to the front, distance of the outer balls from the middle, their radius and that of the middle
-# ball. Lengths are fractions of the stature; breadths and depths of the sections follow the tables of static
-# anthropometry (hip breadth 0.19, waist 0.16, chest 0.18, depth of the chest 0.12 of the stature).
-_TRUNK = (
-    ("pelvis", 0.00, -0.008, 0.040, 0.054, 0.052),
-    ("pelvis", 0.16, -0.004, 0.037, 0.053, 0.054),
-    ("chest", 0.40, 0.003, 0.033, 0.049, 0.052),
-    ("chest", 0.62, 0.002, 0.040, 0.053, 0.055),
-    ("chest", 0.80, 0.000, 0.043, 0.052, 0.055),
-    ("chest", 0.94, -0.007, 0.034, 0.035, 0.038),
-)
-TOE_CLEARANCE = 0.010
-"""Height of the tips of the toes over the sole, as a fraction of the stature."""
-
-End = tuple[str, np.ndarray, float]
+_MIDDLE_LINKS = (
+    ("l_seat", "r_seat"), ("l_waist", "r_waist"), ("l_chest", "r_chest"), ("nape", "face"), ("face", "crown"),
+)  # fmt: skip
+# For each side, from the trunk outwards.
+_SIDED_LINKS = (
+    ("seat", "waist"), ("waist", "chest"), ("chest", "girdle"), ("nape", "girdle"), ("chest", "nape"),
+    ("shoulder", "elbow"), ("elbow", "forearm"), ("forearm", "wrist"), ("wrist", "palm"), ("palm", "finger"),
+    ("hip", "knee"), ("knee", "calf"), ("calf", "ankle"), ("ankle", "heel"), ("heel", "ball"), ("ankle", "ball"),
+    ("ball", "toe"),
+)  # fmt: skip
 
 
 class Body(eqx.Module):
-    """Tapered capsules that move with a skeleton. Make one with [`make_body`][]."""
+    """Balls fixed to the segments of a skeleton, and the capsules between them. See [`make_body`][]."""
 
     skeleton: Skeleton
-    segments: Int[Array | np.ndarray, "capsules 2"]
-    """Segment that carries each end, an index into `SEGMENT_NAMES`."""
-    offsets: Float[Array | np.ndarray, "capsules 2 3"]
-    """Each end at rest, from the joint that its segment turns about (m)."""
-    radii: Float[Array | np.ndarray, "capsules 2"]
-    """Radius of the ball at each end (m)."""
+    segments: Int[Array | np.ndarray, " balls"]
+    """Segment that carries each ball, an index into `SEGMENT_NAMES`."""
+    offsets: Float[Array | np.ndarray, "balls 3"]
+    """Centre of each ball at rest, from the point that its segment turns about (m)."""
+    radii: Float[Array | np.ndarray, " balls"]
+    """(m)"""
+    links: Int[Array | np.ndarray, "capsules 2"]
+    """The two balls of each capsule."""
 
 
 def make_body(skeleton: Skeleton) -> Body:
-    """Put flesh on a skeleton of any proportions: radii are fractions of its stature."""
-    rest: dict[str, np.ndarray] = dict(zip(JOINT_NAMES, np.asarray(skeleton.rest_joints, np.float64), strict=True))
-    rest |= dict(zip(TIP_NAMES, np.asarray(skeleton.rest_tips, np.float64), strict=True))
-    stature = skeleton.stature
-    capsules = _trunk(rest, stature) + _head(rest, stature)
+    """An average adult around a skeleton of any proportions; [`calibrate`][jaxskel.calibrate] fits it to a subject.
+
+    Radii, and where the flesh sits around the joint centres, are fractions of the stature: means over a man and a
+    woman (two skinned meshes), fitted to their visual hulls at known joints.
+    """
+    names = JOINT_NAMES + TIP_NAMES + PIVOT_NAMES
+    points = np.concatenate([skeleton.rest_joints, skeleton.rest_tips, skeleton.pivots]).astype(np.float64)
+    rest: dict[str, np.ndarray] = dict(zip(names, points, strict=True))
+    size = skeleton.stature
+    spine = rest["neck"] - rest["pelvis"]
+
+    def off(point: np.ndarray, front: float, out: float, up: float, sign: float = 0.0) -> np.ndarray:
+        return point + size * np.array([front, sign * out, up])
+
+    balls: dict[str, tuple[str, np.ndarray, float]] = {
+        "nape": ("chest", off(rest["neck"], -0.002, 0.0, -0.019), 0.035),
+        "face": ("head", off((rest["neck"] + rest["head_top"]) / 2, 0.011, 0.0, -0.012), 0.045),
+        "crown": ("head", off(rest["head_top"], -0.003, 0.0, -0.053), 0.052),
+    }
+    for side, sign in (("l_", 1.0), ("r_", -1.0)):
+        at = {name[2:]: point for name, point in rest.items() if name.startswith(side)}
+        for name, segment, point, front, out, up, radius in (
+            ("seat", "pelvis", rest["pelvis"], 0.002, 0.031, 0.002, 0.074),
+            ("waist", "chest", rest["pelvis"] + 0.30 * spine, 0.014, 0.026, 0.001, 0.062),
+            ("chest", "chest", rest["pelvis"] + 0.66 * spine, 0.009, 0.036, 0.008, 0.069),
+            ("girdle", "clavicle", at["shoulder"], -0.001, -0.017, -0.009, 0.047),
+            ("shoulder", "upper_arm", at["shoulder"], -0.003, -0.002, -0.005, 0.036),
+            ("elbow", "forearm", at["elbow"], 0.0, 0.0, 0.0, 0.024),
+            ("forearm", "forearm", at["elbow"] + 0.28 * (at["wrist"] - at["elbow"]), 0.0, 0.0, 0.0, 0.024),
+            ("wrist", "hand", at["wrist"], -0.003, -0.003, 0.0, 0.0165),
+            ("palm", "hand", at["hand"], -0.002, -0.006, -0.002, 0.020),
+            ("finger", "hand", at["hand"] + 0.75 * (at["fingertip"] - at["hand"]), 0.0, 0.0, 0.0, 0.015),
+            ("hip", "thigh", at["hip"], 0.014, -0.006, -0.025, 0.064),
+            ("knee", "shank", at["knee"], 0.0, 0.0, 0.011, 0.0325),
+            ("calf", "shank", at["knee"] + 0.30 * (at["ankle"] - at["knee"]), -0.017, 0.0, 0.003, 0.0355),
+            ("ankle", "foot", at["ankle"], -0.007, -0.005, 0.0, 0.017),
+            ("heel", "foot", at["ankle"], -0.019, 0.0, -0.020, 0.019),
+            ("ball", "foot", at["foot"], -0.004, -0.002, -0.003, 0.0165),
+            ("toe", "foot", at["toetip"], -0.010, 0.0, 0.0, 0.011),
+        ):
+            carrier = segment if segment in ("pelvis", "chest") else side + segment
+            balls[side + name] = (carrier, off(point, front, out, up, sign), radius)
+    ordered = [balls[name] for name in BALL_NAMES]
+    segments = np.array([SEGMENT_NAMES.index(segment) for segment, _, _ in ordered], np.int32)
+    offsets = np.array([point for _, point, _ in ordered]) - np.asarray(rest_origins(skeleton))[segments]
+    return Body(skeleton, segments, offsets, size * np.array([radius for _, _, radius in ordered]), LINKS)
+
+
+def _links() -> Int[np.ndarray, "capsules 2"]:
+    pairs = [*_MIDDLE_LINKS]
     for side in ("l_", "r_"):
-        capsules += _arm(rest, stature, side) + _leg(rest, stature, side) + _foot(rest, stature, side)
-    segments = np.array([[SEGMENT_NAMES.index(segment) for segment, _, _ in ends] for ends in capsules], np.int32)
-    points = np.array([[point for _, point, _ in ends] for ends in capsules])
-    radii = np.array([[radius for _, _, radius in ends] for ends in capsules]) * stature
-    joints = np.asarray(skeleton.rest_joints, np.float64)
-    return Body(skeleton, segments, points - joints[_PROXIMAL[segments]], radii)
+        sided = [tuple(name if name == "nape" else side + name for name in pair) for pair in _SIDED_LINKS]
+        pairs += [(first, second) for first, second in sided]
+    return np.array([[BALL_NAMES.index(name) for name in pair] for pair in pairs], np.int32)
+
+
+LINKS = _links()
+"""The two balls of each capsule of the body that [`make_body`][] makes."""
+
+
+def limb_capsules(*limbs: str) -> Bool[np.ndarray, " capsules"]:
+    """Which capsules of [`make_body`][]'s body belong to some of ``l_arm``, ``r_arm``, ``l_leg`` and ``r_leg``."""
+    first = {"arm": "shoulder", "leg": "hip"}
+    last = {"arm": "finger", "leg": "toe"}
+    mask = np.zeros(len(LINKS), bool)
+    for limb in limbs:
+        side, kind = limb[:2], limb[2:]
+        low, high = BALL_NAMES.index(side + first[kind]), BALL_NAMES.index(side + last[kind])
+        mask |= ((low <= LINKS) & (high >= LINKS)).all(1)
+    return mask
+
+
+def ball_centres(
+    body: Body,
+    origins: Float[Array | np.ndarray, "*frames segments=17 3"],
+    rotations: Float[Array | np.ndarray, "*frames segments=17 3 3"],
+) -> Float[Array | np.ndarray, "*frames balls 3"]:
+    """Centres of the balls in the world (m), for NumPy and JAX arrays alike."""
+    xp = origins.__array_namespace__()
+    turned = xp.einsum("...bij,bj->...bi", rotations[..., body.segments, :, :], body.offsets)
+    return origins[..., body.segments, :] + turned
 
 
 def capsule_ends(
     body: Body,
-    joints: Float[Array | np.ndarray, "*frames joints=15 3"],
-    rotations: Float[Array | np.ndarray, "*frames segments=13 3 3"],
+    origins: Float[Array | np.ndarray, "*frames segments=17 3"],
+    rotations: Float[Array | np.ndarray, "*frames segments=17 3 3"],
 ) -> Float[Array | np.ndarray, "*frames capsules 2 3"]:
     """Centres of the balls at both ends of each capsule in the world (m), for NumPy and JAX arrays alike."""
-    xp = joints.__array_namespace__()
-    turned = xp.einsum("...ceij,cej->...cei", rotations[..., body.segments, :, :], body.offsets)
-    return joints[..., xp.asarray(_PROXIMAL)[body.segments], :] + turned
+    return ball_centres(body, origins, rotations)[..., body.links, :]
 
 
 def place_body(
@@ -94,9 +162,10 @@ def place_body(
     Returns:
         The centres of the balls at both ends of each capsule in the world (m) and their radii (m).
     """
-    joints = np.asarray(place_joints(body.skeleton, pose)[0], np.float64)
-    ends = capsule_ends(body, joints, np.asarray(pose.rotations))
-    return np.asarray(ends), np.asarray(body.radii)
+    single = Pose(jnp.asarray(pose.root, jnp.float32), jnp.asarray(pose.rotations, jnp.float32))
+    origins = np.asarray(_origins(body.skeleton, single), np.float64)
+    ends = capsule_ends(body, origins, np.asarray(pose.rotations))
+    return np.asarray(ends), np.asarray(body.radii)[body.links]
 
 
 @eqx.filter_jit
@@ -107,134 +176,6 @@ def place_joints(
     return jax.vmap(forward_kinematics, in_axes=(None, 0))(skeleton, pose)
 
 
-def _chain(*ends: End) -> list[tuple[End, End]]:
-    return list(zip(ends[:-1], ends[1:], strict=True))
-
-
-def _side(side: str) -> float:
-    return 1.0 if side == "l_" else -1.0
-
-
-def _trunk(rest: dict[str, np.ndarray], stature: float) -> list[tuple[End, End]]:
-    # Three columns side by side, because a trunk is half as deep as it is wide.
-    spine = rest["neck"] - rest["pelvis"]
-    columns: list[tuple[End, End]] = []
-    for side in (1.0, 0.0, -1.0):
-        ends = [
-            (
-                segment,
-                rest["pelvis"] + height * spine + np.array([x, side * y, 0.0]) * stature,
-                outer if side else middle,
-            )
-            for segment, height, x, y, outer, middle in _TRUNK
-        ]
-        columns += _chain(*ends)
-    return columns
-
-
-def _head(rest: dict[str, np.ndarray], stature: float) -> list[tuple[End, End]]:
-    # The skull is longer than wide, and its crown is the tip of the head.
-    up = rest["head_top"] - rest["head"]
-    radius = min(0.046, float(np.linalg.norm(up)) / stature)
-    middle = rest["head_top"] - up / np.linalg.norm(up) * radius * stature
-
-    def at(x: float, z: float) -> np.ndarray:
-        return middle + np.array([x, 0.0, z]) * stature
-
-    return [
-        (("head", at(-0.012, -0.002), radius), ("head", at(0.008, 0.0), radius)),
-        (("head", at(-0.002, -0.012), 0.043), ("head", at(0.020, -0.048), 0.026)),
-        (
-            ("chest", rest["neck"] + np.array([-0.004, 0, 0]) * stature, 0.035),
-            ("head", at(-0.008, -0.035), 0.033),
-        ),
-    ]
-
-
-def _arm(rest: dict[str, np.ndarray], stature: float, side: str) -> list[tuple[End, End]]:
-    shoulder, elbow, hand, tip = (rest[side + name] for name in ("shoulder", "elbow", "hand", "fingertip"))
-    upper, lower, spine = elbow - shoulder, hand - elbow, rest["neck"] - rest["pelvis"]
-    fingers = (tip - hand) / np.linalg.norm(tip - hand)
-    # The front edge of the hand, where the thumb is.
-    across = np.array([1.0, 0, 0]) - fingers * fingers[0]
-    across = across / max(float(np.linalg.norm(across)), 1e-6) * stature
-    outward = np.array([0.0, _side(side), 0.0]) * stature
-    wrist = elbow + 0.80 * lower
-    upper_arm, forearm, clavicle = side + "upper_arm", side + "forearm", side + "clavicle"
-    capsules = [
-        # The slope of the neck, and the muscles of breast and back around the armpit.
-        (("chest", rest["pelvis"] + 0.98 * spine + 0.012 * outward, 0.033), (clavicle, shoulder, 0.032)),
-        (("chest", rest["pelvis"] + 0.78 * spine + 0.048 * outward, 0.042), (clavicle, shoulder, 0.033)),
-    ]
-    capsules += _chain(
-        (upper_arm, shoulder, 0.0345),
-        (upper_arm, shoulder + 0.45 * upper, 0.0285),
-        (upper_arm, elbow, 0.0235),
-    )
-    capsules += _chain(
-        (forearm, elbow, 0.0235), (forearm, elbow + 0.22 * lower, 0.0255), (forearm, wrist, 0.0165),
-        (forearm, hand - 0.004 * across, 0.018),
-    )  # fmt: skip
-    for shift, short in ((0.010, 0.012), (-0.012, 0.0)):
-        end = tip - (short + 0.009) * stature * fingers + shift * 0.7 * across
-        capsules.append(((forearm, hand + shift * across, 0.0165), (forearm, end, 0.009)))
-    thumb = wrist + 0.3 * (hand - wrist) + 0.010 * across
-    capsules.append(((forearm, thumb, 0.012), (forearm, hand + 0.034 * across + 0.012 * stature * fingers, 0.008)))
-    return capsules
-
-
-def _leg(rest: dict[str, np.ndarray], stature: float, side: str) -> list[tuple[End, End]]:
-    hip, knee = rest[side + "hip"], rest[side + "knee"]
-    ankle = _ankle(rest, stature, side)
-    thigh, shank = side + "thigh", side + "shank"
-    outward = np.array([0.0, _side(side), 0.0]) * stature
-    back = np.array([-1.0, 0.0, 0.0]) * stature
-    along, down = knee - hip, ankle - knee
-    return [
-        # The buttock and the outside of the hip bridge the joint.
-        (
-            ("pelvis", hip + 0.012 * back - 0.008 * outward, 0.055),
-            (thigh, hip + 0.22 * along + 0.004 * back, 0.051),
-        ),
-        *_chain(
-            (thigh, hip + 0.002 * outward, 0.053), (thigh, hip + 0.45 * along, 0.046), (thigh, knee, 0.0315)
-        ),
-        *_chain(
-            (shank, knee, 0.0315), (shank, knee + 0.28 * down + 0.006 * back, 0.0325),
-            (shank, knee + 0.65 * down, 0.024), (shank, ankle, 0.0195),
-        ),
-    ]  # fmt: skip
-
-
-def _ankle(rest: dict[str, np.ndarray], stature: float, side: str) -> np.ndarray:
-    ball = rest[side + "foot"]
-    ankle = ball - 0.060 * stature * _toes_to(rest, side)
-    ankle[2] = rest[side + "toetip"][2] + (0.042 - TOE_CLEARANCE) * stature
-    return ankle
-
-
-def _toes_to(rest: dict[str, np.ndarray], side: str) -> np.ndarray:
-    """Horizontal direction of the foot at rest."""
-    forward = (rest[side + "toetip"] - rest[side + "foot"]) * [1, 1, 0]
-    length = np.linalg.norm(forward)
-    return forward / length if length > 1e-6 else np.array([1.0, 0.0, 0.0])
-
-
-def _foot(rest: dict[str, np.ndarray], stature: float, side: str) -> list[tuple[End, End]]:
-    ball, tip = rest[side + "foot"], rest[side + "toetip"]
-    shank, ankle = side + "shank", _ankle(rest, stature, side)
-    forward = _toes_to(rest, side)
-    across = np.array([-forward[1], forward[0], 0.0]) * stature * _side(side)
-    sole = tip[2] - TOE_CLEARANCE * stature
-
-    def on_sole(point: np.ndarray, radius: float) -> End:
-        return shank, np.array([point[0], point[1], sole + radius * stature]), radius
-
-    heel = on_sole(ball - 0.092 * stature * forward, 0.020)
-    inner, outer = on_sole(ball - 0.009 * across, 0.0165), on_sole(ball + 0.013 * across, 0.0145)
-    big_toe = on_sole(tip - 0.011 * stature * forward - 0.006 * across, 0.0105)
-    small_toes = on_sole(tip - 0.020 * stature * forward + 0.015 * across, 0.009)
-    return [
-        ((shank, ankle, 0.0195), heel), ((shank, ankle, 0.0195), inner), (heel, inner), (heel, outer),
-        (inner, big_toe), (outer, small_toes),
-    ]  # fmt: skip
+@eqx.filter_jit
+def _origins(skeleton: Skeleton, pose: Pose) -> Float[Array, "frames segments=17 3"]:
+    return jax.vmap(lambda one: place_segments(skeleton, one)[2])(pose)

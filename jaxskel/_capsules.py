@@ -1,9 +1,43 @@
-"""Distances of points to tapered capsules, smooth in everything: the measure behind the volume terms."""
+"""Distances of points to tapered capsules: the measure behind the volume terms."""
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 _SMALL = 1e-8  # the root of zero has no gradient; a tenth of a millimetre is nothing here
+
+
+class _Axes(eqx.Module):
+    """Capsules, each component by itself: loops over long rows of numbers are what a processor does best."""
+
+    start: tuple[Float[Array, "*capsules"], ...]
+    along: tuple[Float[Array, "*capsules"], ...]
+    squared: Float[Array, "*capsules"]
+    radius: Float[Array, "*capsules"]
+    taper: Float[Array, "*capsules"]
+
+    def place(
+        self, points: tuple[Float[Array, "..."], ...]
+    ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"], tuple[Float[Array, "*batch"], ...]]:
+        """Signed distance of points (m), where along the axis (0..1), way from there (m); points meet capsules."""
+        away = tuple(point - start for point, start in zip(points, self.start, strict=True))
+        part = sum(a * b for a, b in zip(away, self.along, strict=True)) / self.squared
+        part = jnp.clip(part, 0.0, 1.0)
+        away = tuple(a - part * b for a, b in zip(away, self.along, strict=True))
+        distance = jnp.sqrt(away[0] * away[0] + away[1] * away[1] + away[2] * away[2] + _SMALL)
+        return distance - self.radius - part * self.taper, part, away
+
+
+def _axes(ends: Float[Array, "*capsules 2 3"], radii: Float[Array, "*capsules 2"]) -> _Axes:
+    ends, radii = jnp.asarray(ends), jnp.asarray(radii)
+    start, along = ends[..., 0, :], ends[..., 1, :] - ends[..., 0, :]
+    squared = (along * along).sum(-1) + 1e-9
+    return _Axes(_components(start), _components(along), squared, radii[..., 0], radii[..., 1] - radii[..., 0])
+
+
+def _components(vectors: Float[Array, "*batch 3"]) -> tuple[Float[Array, "*batch"], ...]:
+    return vectors[..., 0], vectors[..., 1], vectors[..., 2]
 
 
 def capsule_distance(
@@ -14,26 +48,37 @@ def capsule_distance(
     The radius is taken at the foot of the perpendicular on the axis, which is exact for a cylinder and off by the
     square of the taper otherwise: under a millimetre on a body.
     """
-    start, along = ends[..., 0, :], ends[..., 1, :] - ends[..., 0, :]
-    part = ((points - start) * along).sum(-1) / ((along * along).sum(-1) + 1e-9)
-    part = jnp.clip(part, 0.0, 1.0)
-    away = points - start - part[..., None] * along
-    distance = jnp.sqrt((away * away).sum(-1) + _SMALL)
-    return distance - radii[..., 0] * (1 - part) - radii[..., 1] * part
+    return toward_capsule(points, ends, radii)[0]
+
+
+def toward_capsule(
+    points: Float[Array, "*batch 3"], ends: Float[Array, "*batch 2 3"], radii: Float[Array, "*batch 2"]
+) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"], Float[Array, "*batch 3"]]:
+    """Signed distance of each point to its capsule (m), where along the axis (0..1), unit vector from there."""
+    distance, part, away = _axes(ends, radii).place(_components(points))
+    direction = jnp.stack(away, -1)
+    return distance, part, direction / jnp.sqrt((direction * direction).sum(-1, keepdims=True) + _SMALL)
 
 
 def all_distances(
     points: Float[Array, "points 3"], ends: Float[Array, "capsules 2 3"], radii: Float[Array, "capsules 2"]
 ) -> Float[Array, "points capsules"]:
-    """Signed distance of every point to every capsule (m), as two matrix products."""
-    start, along = ends[:, 0], ends[:, 1] - ends[:, 0]
-    squared = (along * along).sum(-1) + 1e-9
-    # About the mean of the points, because float32 loses digits far from the origin.
-    middle = points.mean(0)[None]
-    points, start = points - middle, start - middle
-    dot = points @ along.T - (start * along).sum(-1)[None]
-    part = jnp.clip(dot / squared[None], 0.0, 1.0)
-    near = (points * points).sum(-1)[:, None] - 2 * points @ start.T + (start * start).sum(-1)[None]
-    near = near - 2 * part * dot + part * part * squared[None]
-    radius = radii[:, 0][None] * (1 - part) + radii[:, 1][None] * part
-    return jnp.sqrt(jnp.maximum(near, 0.0) + _SMALL) - radius
+    """Signed distance of every point to every capsule (m)."""
+    axes = jax.tree.map(lambda a: a[None], _axes(ends, radii))
+    return axes.place(tuple(point[:, None] for point in _components(points)))[0]
+
+
+def nearest_capsule(
+    points: Float[Array, "points 3"], ends: Float[Array, "capsules 2 3"], radii: Float[Array, "capsules 2"]
+) -> tuple[Int[Array, " points"], Float[Array, " points"]]:
+    """The nearest capsule of each point and its signed distance (m); the first of several that are equally near."""
+    axes, components = _axes(ends, radii), _components(points)
+
+    def one(number: Array, best: tuple[Array, Array]) -> tuple[Array, Array]:
+        single = jax.tree.map(lambda a: a[number][None], axes)
+        distance = single.place(components)[0]
+        nearer = distance < best[1]
+        return jnp.where(nearer, number, best[0]), jnp.where(nearer, distance, best[1])
+
+    start = jnp.zeros(len(points), jnp.int32), jnp.full(len(points), jnp.inf, points.dtype)
+    return jax.lax.fori_loop(0, len(ends), one, start)

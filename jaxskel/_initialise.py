@@ -5,7 +5,17 @@ from jaxtyping import Float
 
 from ._limbs import END_NODE_REACH, HEAD, L_FOOT, L_HAND, R_FOOT, R_HAND, Limbs
 from ._rotations import aligning, frame
-from ._skeleton import JOINT_NAMES, JOINT_PARENTS, SEGMENT_NAMES, SEGMENT_PARENTS, TIP_NAMES, Pose, Skeleton
+from ._skeleton import (
+    JOINT_NAMES,
+    JOINT_PARENTS,
+    PIVOT_NAMES,
+    SEGMENT_NAMES,
+    SEGMENT_OF_PIVOT,
+    SEGMENT_PARENTS,
+    TIP_NAMES,
+    Pose,
+    Skeleton,
+)
 
 # Upper segment, lower segment, upper joint, middle joint, end joint, tip of each limb.
 _LIMBS = {
@@ -28,8 +38,8 @@ def initial_poses(limbs: Limbs, facing: Float[np.ndarray, "frames 3"], skeleton:
         skeleton: Template.
     """
     count = len(limbs.paths)
-    at_rest = [*np.asarray(skeleton.rest_joints), *np.asarray(skeleton.rest_tips)]
-    rest: dict[str, np.ndarray] = dict(zip((*JOINT_NAMES, *TIP_NAMES), at_rest, strict=True))
+    at_rest = [*np.asarray(skeleton.rest_joints), *np.asarray(skeleton.rest_tips), *np.asarray(skeleton.pivots)]
+    rest: dict[str, np.ndarray] = dict(zip((*JOINT_NAMES, *TIP_NAMES, *PIVOT_NAMES), at_rest, strict=True))
     parent = {name: JOINT_NAMES[JOINT_PARENTS[i]] for i, name in enumerate(JOINT_NAMES) if i}
     rotations = np.tile(np.eye(3), (count, len(SEGMENT_NAMES), 1, 1))
     number = {name: i for i, name in enumerate(SEGMENT_NAMES)}
@@ -59,7 +69,7 @@ def initial_poses(limbs: Limbs, facing: Float[np.ndarray, "frames 3"], skeleton:
         to_end = END_NODE_REACH * last
         to_middle = to_end + lower_bone
         if end.endswith("foot"):
-            ankle = _ankle(rest[middle], rest[end], skeleton.stature)
+            ankle = rest[end.replace("foot", "ankle")]
             over_ankle = np.linalg.norm(rest[middle] - ankle) + np.linalg.norm(rest[tip] - ankle)
             to_middle = over_ankle - (1 - END_NODE_REACH) * last
         base = limbs.neck if top.endswith("shoulder") else limbs.pelvis
@@ -77,15 +87,9 @@ def initial_poses(limbs: Limbs, facing: Float[np.ndarray, "frames 3"], skeleton:
             rest[end] - rest[middle],
             np.where(found, goal_end - goal_middle, hanging @ (rest[end] - rest[middle])),
         )
+    for segment in SEGMENT_OF_PIVOT:
+        rotations[:, segment] = rotations[:, SEGMENT_PARENTS[segment]]
     return Pose(root=limbs.pelvis.copy(), rotations=rotations)
-
-
-def _ankle(knee: np.ndarray, foot: np.ndarray, stature: float) -> np.ndarray:
-    """Where the ankle, which is no joint of the template, stands at rest: below the knee, above the ball of the foot.
-
-    The height is Winter's 0.039 of the stature for the ankle less 0.014 for the ball of the foot.
-    """
-    return np.array([knee[0] - 0.01 * stature, (knee[1] + 3 * foot[1]) / 4, foot[2] + 0.025 * stature])
 
 
 def _unit(vector: np.ndarray) -> np.ndarray:

@@ -23,7 +23,7 @@ class Refined(eqx.Module):
     tips: Float[Array, "*frames tips=5 3"]
     """(m)"""
     costs: dict[str, Float[Array, "*frames"]]
-    """Weighted squared norm of each term's residual, by name."""
+    """Weighted cost by each term, by name."""
     converged: Bool[Array, "*frames"]
     """The last solve met the solver's tolerances within its steps."""
     finite: Bool[Array, "*frames"]
@@ -70,8 +70,7 @@ def refine_frame(
     start = jax.tree.map(jnp.asarray, initial)
     pose, (converged, steps) = jax.lax.scan(one_round, start, None, length=rounds)
     body = place(skeleton, pose)
-    left = objective.residuals(body, observed, objective.correspond(body, observed))
-    costs = {name: (residual**2).sum() for name, residual in left.items()}
+    costs = objective.costs(body, observed)
     # A solver that meets NaN data stays at its start: the pose is a number then, its costs are not.
     finite = jnp.isfinite(pose.root).all() & jnp.isfinite(pose.rotations).all() & jnp.isfinite(sum(costs.values()))
     pose = jax.tree.map(lambda new, old: jnp.where(finite, new, old), pose, start)

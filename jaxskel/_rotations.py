@@ -20,6 +20,15 @@ def exponential(vector: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"]:
     return identity + sine * cross + cosine * (cross @ cross)
 
 
+def turn_about(axis: Float[np.ndarray, "n 3"], angle: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3 3"]:
+    """Rotation about unit axes by angles (rad)."""
+    x, y, z = axis.T
+    zero = np.zeros_like(x)
+    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], 1).reshape(-1, 3, 3)
+    sine, cosine = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
+    return np.eye(3) + sine * cross + (1 - cosine) * (cross @ cross)
+
+
 def aligning(
     start: Float[np.ndarray, "*batch 3"], goal: Float[np.ndarray, "*batch 3"]
 ) -> Float[np.ndarray, "*batch 3 3"]:

@@ -1,7 +1,9 @@
 """The template skeleton: 15 joints, 5 limb tips, known dimensions, forward kinematics.
 
-A pose is a position of the pelvis and one rotation for each of 13 rigid *segments*. A segment moves the joints and
-tips listed for it about its own proximal joint, so bone lengths are those of the template whatever the rotations.
+A pose is a position of the pelvis and one rotation for each of 17 rigid *segments*. A segment moves the joints and
+tips listed for it about its own origin, so lengths are those of the template whatever the rotations. Wrists and ankles
+are no joints of the template but pivots within the bones that end in palm and ball of the foot: these two bones are
+rigid as long as hand and foot turn with forearm and shank.
 """
 
 import equinox as eqx
@@ -20,12 +22,52 @@ TIP_PARENTS = (2, 5, 8, 11, 14)
 
 SEGMENT_NAMES = (
     "pelvis", "chest", "head", "l_clavicle", "l_upper_arm", "l_forearm", "r_clavicle", "r_upper_arm", "r_forearm",
-    "l_thigh", "l_shank", "r_thigh", "r_shank",
+    "l_thigh", "l_shank", "r_thigh", "r_shank", "l_hand", "r_hand", "l_foot", "r_foot",
 )  # fmt: skip
-SEGMENT_PARENTS = (-1, 0, 1, 1, 3, 4, 1, 6, 7, 0, 9, 0, 11)
-# The segment that carries the bone which ends in each joint: the hips turn with the pelvis.
+SEGMENT_PARENTS = (-1, 0, 1, 1, 3, 4, 1, 6, 7, 0, 9, 0, 11, 5, 8, 10, 12)
+# The segment on which the bone starts that ends in each joint: the hips turn with the pelvis.
 SEGMENT_OF_JOINT = (0, 1, 2, 3, 4, 5, 6, 7, 8, 0, 9, 10, 0, 11, 12)
-SEGMENT_OF_TIP = (2, 5, 8, 10, 12)
+SEGMENT_OF_TIP = (2, 13, 14, 15, 16)
+PIVOT_NAMES = ("l_wrist", "r_wrist", "l_ankle", "r_ankle")
+# The joint beyond each pivot and the segment that carries it there.
+JOINT_OF_PIVOT = (5, 8, 11, 14)
+SEGMENT_OF_PIVOT = (13, 14, 15, 16)
+
+# The joint that each segment but the last four turns about: where the bones start that it carries. Indices have 32
+# bits, because JAX mixes up wider ones when float64 is switched on after the first use.
+_ORIGIN_JOINTS = np.array(
+    [JOINT_PARENTS[SEGMENT_OF_JOINT.index(s, 1)] for s in range(len(SEGMENT_NAMES) - 4)], np.int32
+)
+_TIP_JOINTS, _TIP_SEGMENTS = np.array(TIP_PARENTS, np.int32), np.array(SEGMENT_OF_TIP, np.int32)
+_PIVOT_BONES = np.array([[4, 7], [5, 8], [10, 13], [11, 14]], np.int32)  # elbows, palms, knees, balls of the feet
+
+# Rigid parts of the skeleton: from where to where, joints and then pivots, and on which segment. A bone with a pivot in
+# it has two.
+_PARTS = tuple(
+    part
+    for joint in range(1, len(JOINT_NAMES))
+    for part in (
+        (
+            (JOINT_PARENTS[joint], 15 + JOINT_OF_PIVOT.index(joint), SEGMENT_OF_JOINT[joint]),
+            (15 + JOINT_OF_PIVOT.index(joint), joint, SEGMENT_OF_PIVOT[JOINT_OF_PIVOT.index(joint)]),
+        )
+        if joint in JOINT_OF_PIVOT
+        else ((JOINT_PARENTS[joint], joint, SEGMENT_OF_JOINT[joint]),)
+    )
+)
+_PART_STARTS, _PART_ENDS, _PART_SEGMENTS = np.array(_PARTS, np.int32).T
+
+
+def _parts_to() -> Float[np.ndarray, "points=19 parts=18"]:
+    """Which parts lie on the way from the pelvis to each joint and pivot."""
+    ways = np.zeros((19, len(_PARTS)), np.float32)
+    for number, (start, end, _) in enumerate(_PARTS):
+        ways[end] = ways[start]
+        ways[end, number] = 1
+    return ways
+
+
+_PARTS_TO = _parts_to()
 
 # Exchanges left and right.
 MIRROR_JOINTS = (0, 1, 2, 6, 7, 8, 3, 4, 5, 12, 13, 14, 9, 10, 11)
@@ -56,6 +98,22 @@ class Skeleton(eqx.Module):
         return np.linalg.norm(tips - joints[list(TIP_PARENTS)], axis=-1)
 
     @property
+    def pivots(self) -> Float[Array | np.ndarray, "pivots=4 3"]:
+        """Wrists and ankles at rest (m), in the order of `PIVOT_NAMES`.
+
+        The palm is the middle of the hand, 0.29 of the way from elbow to palm beyond the wrist (de Leva 1996). The
+        ankle stands behind and above the ball of the foot (Winter; 0.071 and 0.027 of the stature).
+        """
+        joints = self.rest_joints
+        xp = joints.__array_namespace__()
+        elbows, palms, knees, balls = (joints[_PIVOT_BONES[row]] for row in range(4))
+        height = self.rest_tips[0, 2] - xp.minimum(balls[:, 2].min(), self.rest_tips[3:, 2].min())
+        ankles = xp.stack(
+            [balls[:, 0] - 0.071 * height, (knees[:, 1] + 3 * balls[:, 1]) / 4, balls[:, 2] + 0.027 * height], -1
+        )
+        return xp.concatenate([palms + 0.29 * (elbows - palms), ankles])
+
+    @property
     def stature(self) -> float:
         """Standing height (m): from the lower toe tip or ball of the foot to the top of the head."""
         joints, tips = np.asarray(self.rest_joints), np.asarray(self.rest_tips)
@@ -71,7 +129,7 @@ class Pose(eqx.Module):
 
     root: Float[Array | np.ndarray, "*frames 3"]
     """Pelvis in the world (m)."""
-    rotations: Float[Array | np.ndarray, "*frames segments=13 3 3"]
+    rotations: Float[Array | np.ndarray, "*frames segments=17 3 3"]
     """Rotation of each segment from the body frame at rest to the world."""
 
 
@@ -102,16 +160,43 @@ def make_skeleton(rest_joints: np.ndarray, rest_tips: np.ndarray) -> Skeleton:
 
 
 def forward_kinematics(skeleton: Skeleton, pose: Pose) -> tuple[Float[Array, "joints=15 3"], Float[Array, "tips=5 3"]]:
-    """Place joints and tips of one frame in the world (m). Bone lengths are those of the template exactly."""
-    rest = jnp.asarray(skeleton.rest_joints)
-    placed: list[Array] = [jnp.asarray(pose.root)]
-    for joint in range(1, len(JOINT_NAMES)):
-        parent = JOINT_PARENTS[joint]
-        placed.append(placed[parent] + pose.rotations[SEGMENT_OF_JOINT[joint]] @ (rest[joint] - rest[parent]))
-    joints = jnp.stack(placed)
-    offsets = skeleton.rest_tips - rest[jnp.asarray(TIP_PARENTS)]
-    turned = jnp.einsum("tij,tj->ti", jnp.asarray(pose.rotations)[jnp.asarray(SEGMENT_OF_TIP)], offsets)
-    return joints, joints[jnp.asarray(TIP_PARENTS)] + turned
+    """Place joints and tips of one frame in the world (m). Lengths are those of the template exactly."""
+    joints, tips, _ = place_segments(skeleton, pose)
+    return joints, tips
+
+
+def place_segments(
+    skeleton: Skeleton, pose: Pose
+) -> tuple[Float[Array, "joints=15 3"], Float[Array, "tips=5 3"], Float[Array, "segments=17 3"]]:
+    """Place joints, tips, and the point that each segment turns about, of one frame in the world (m)."""
+    rest, rotations = jnp.asarray(skeleton.rest_joints), jnp.asarray(pose.rotations)
+    points = jnp.concatenate([rest, jnp.asarray(skeleton.pivots)])
+    parts = points[_PART_ENDS] - points[_PART_STARTS]
+    turned = jnp.einsum("pij,pj->pi", rotations[_PART_SEGMENTS], parts)
+    placed = jnp.asarray(pose.root)[None] + _PARTS_TO @ turned
+    joints, pivots = placed[: len(JOINT_NAMES)], placed[len(JOINT_NAMES) :]
+    offsets = skeleton.rest_tips - rest[_TIP_JOINTS]
+    tips = joints[_TIP_JOINTS] + jnp.einsum("tij,tj->ti", rotations[_TIP_SEGMENTS], offsets)
+    return joints, tips, jnp.concatenate([joints[_ORIGIN_JOINTS], pivots])
+
+
+def rest_origins(skeleton: Skeleton) -> Float[Array | np.ndarray, "segments=17 3"]:
+    """The point that each segment turns about, at rest (m)."""
+    joints = skeleton.rest_joints
+    return joints.__array_namespace__().concatenate([joints[_ORIGIN_JOINTS], skeleton.pivots])
+
+
+def hinge_axes(skeleton: Skeleton) -> Float[Array | np.ndarray, "hinges=4 3"]:
+    """Axes of left and right elbow and knee at rest: a positive angle bends elbows to the front and knees to the back.
+
+    Each lies across the upper bone and across the front.
+    """
+    joints = skeleton.rest_joints
+    xp = joints.__array_namespace__()
+    upper = joints[np.array([4, 7, 10, 13], np.int32)] - joints[np.array([3, 6, 9, 12], np.int32)]
+    bends_to = np.array([[1.0, 0, 0], [1.0, 0, 0], [-1.0, 0, 0], [-1.0, 0, 0]], np.float32)
+    axes = xp.linalg.cross(upper, xp.asarray(bends_to))
+    return axes / xp.linalg.vector_norm(axes, axis=-1, keepdims=True)
 
 
 def default_adult(stature: float = 1.72) -> Skeleton:

@@ -7,16 +7,15 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from ._carve import carve
 from ._graph import SkeletalGraph
 from ._hull import VisualHulls
 from ._limbs import Limbs
-from ._person import find_people
-from ._pipeline import Prepared, Settings, labelled_limbs, reconstruct_batch, skeletal_graphs
-from ._poses import Status
+from ._observe import labelled_limbs, see_people
+from ._pipeline import reconstruct_batch
+from ._prepared import Prepared
 from ._recording import Recording, unpack_silhouettes
+from ._settings import Settings
 from ._skeleton import JOINT_NAMES, JOINT_PARENTS
-from ._views import lost_views, silhouette_areas
 from .overlays import draw_silhouette, tile
 
 _COLOURS = {"l_": "#d9342b", "r_": "#2b6cd9", "": "#2e8b40"}
@@ -35,17 +34,12 @@ class Stages(eqx.Module):
 def stages_of(recording: Recording, prepared: Prepared, settings: Settings, frame: int) -> Stages | None:
     """Run the stages on one frame and keep what each of them made; None where there is no person."""
     silhouettes = recording.silhouettes[frame : frame + 1]
-    if prepared.table is None:
+    seen = see_people(silhouettes, recording.cameras.rotated(prepared.to_z_up), prepared, settings)
+    if seen.hulls is None or not seen.graphs:
         return None
-    lost = lost_views(silhouette_areas(silhouettes), recording.cameras)
-    people = find_people(carve(silhouettes, prepared.table, lost, settings.max_misses), prepared.edge)
-    if people.status[0] != Status.OK:
-        return None
-    roots = settings.root.roots(people.hulls, prepared.skeleton)
-    graphs = skeletal_graphs(people.hulls, roots, settings.min_branch)
-    limbs, _, _ = labelled_limbs(graphs, prepared.skeleton, settings)
+    limbs, _, _ = labelled_limbs(seen.graphs, prepared.skeleton, settings)
     poses = reconstruct_batch(silhouettes, recording, prepared, settings)
-    return Stages(people.hulls, graphs[0], limbs, poses.joints[0] @ prepared.to_z_up.T)
+    return Stages(seen.hulls, seen.graphs[0], limbs, poses.joints[0] @ prepared.to_z_up.T)
 
 
 def plot_stages(recording: Recording, prepared: Prepared, settings: Settings, frame: int, path: str | Path) -> None:

@@ -10,7 +10,17 @@ from scipy.spatial.transform import Rotation
 from jaxskel._camera import Cameras, make_cameras, rays
 from jaxskel._graph import SkeletalGraph
 from jaxskel._limbs import END_NODE_REACH
-from jaxskel._skeleton import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES, TIP_PARENTS, Pose, Skeleton, forward_kinematics
+from jaxskel._skeleton import (
+    JOINT_NAMES,
+    JOINT_PARENTS,
+    SEGMENT_OF_PIVOT,
+    SEGMENT_PARENTS,
+    TIP_NAMES,
+    TIP_PARENTS,
+    Pose,
+    Skeleton,
+    forward_kinematics,
+)
 from jaxskel.terms import AbstractTerm, Observed, PlacedBody
 
 NODE_NAMES = JOINT_NAMES + TIP_NAMES
@@ -96,9 +106,10 @@ def template_graph(skeleton: Skeleton, spurs: list[tuple[str, float]] = ()) -> t
 
 
 def pose_of(seed, spread=0.5) -> Pose:
-    """A standing person somewhere, segments turned at random by about `spread` (rad)."""
+    """A standing person somewhere, segments turned at random by about `spread` (rad), hands and feet as their bones."""
     rng = np.random.default_rng(seed)
     rotations = Rotation.from_rotvec(rng.normal(0, spread / np.sqrt(3), (13, 3))).as_matrix()
+    rotations = np.concatenate([rotations, rotations[[SEGMENT_PARENTS[segment] for segment in SEGMENT_OF_PIVOT]]])
     return Pose(np.array([0.3, -0.2, 0.9]) + rng.normal(0, 0.1, 3), rotations)
 
 

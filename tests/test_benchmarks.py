@@ -11,14 +11,25 @@ import equinox as eqx
 import numpy as np
 import pytest
 
-from jaxskel import JOINT_NAMES, Poses, Recording, make_cameras, pack_silhouettes, unpack_silhouettes
+from jaxskel import (
+    JOINT_NAMES,
+    Recording,
+    Settings,
+    make_cameras,
+    pack_silhouettes,
+    paper_settings,
+    unpack_silhouettes,
+)
 from jaxskel._skeleton import MIRROR_JOINTS, MIRROR_TIPS
-from jaxskel.io import write_poses, write_recording
+from jaxskel.io import write_recording
 from jaxskel.synthetic import make_scene
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 sys.path.insert(0, str(BENCHMARKS))
 
+import _drawings  # noqa: E402
+import _runs  # noqa: E402
+import _table  # noqa: E402
 import accuracy  # noqa: E402
 import figures  # noqa: E402
 from _condition import Condition, disturbed  # noqa: E402
@@ -265,40 +276,149 @@ def test_a_condition_does_all_it_names_and_leaves_its_input(scene):
     assert str(Condition()) == ""
 
 
-def poses_of_truth(scene: Recording) -> Poses:
-    """The truth from frame 1 on, as if reconstructed: one hand 50 mm off in frame 1, no pose in frame 3."""
-    joints, tips = scene.truth.joints[1:].astype(np.float32), scene.truth.tips[1:].astype(np.float32)
-    joints[0, JOINT_NAMES.index("l_hand")] += np.array([0.03, 0.0, 0.04], np.float32)
-    joints[2] = tips[2] = np.nan
-    trust = np.zeros((3, 15), np.float32), np.zeros(3, np.float32)
-    return Poses(joints, tips, *trust, np.array([0, 0, 3]), 5.0, "+Z", np.arange(1, 4))
+# --- Table 1 and its figures
 
 
-def test_distance_of_a_joint_is_taken_over_common_frames(scene):
-    poses = poses_of_truth(scene)
-    numbers, distances = figures.joint_distance(poses, scene)
-    np.testing.assert_array_equal(numbers, [1, 2, 3])
-    np.testing.assert_allclose(distances, [0.05, 0.0, np.nan], atol=1e-6)
-    elsewhere = eqx.tree_at(lambda p: p.frame_index, poses, np.arange(10, 13))
-    with pytest.raises(ValueError, match="no frame in common"):
-        figures.joint_distance(elsewhere, scene)
-    with pytest.raises(ValueError, match="same world"):
-        figures.joint_distance(eqx.tree_at(lambda p: p.up, poses, "+Y"), scene)
+def run_of_truth(scene: Recording, code: str = "a") -> _runs.Run:
+    """The truth as if reconstructed: in frame 1 the left hand 50 mm off, in frame 2 both hands 200 mm, 3 is lost."""
+    joints = scene.truth.joints.astype(np.float32)
+    joints[1, JOINT_NAMES.index("l_hand")] += np.array([0.03, 0.0, 0.04], np.float32)
+    joints[2, [JOINT_NAMES.index("l_hand"), JOINT_NAMES.index("r_hand")]] += np.array([0.0, 0.2, 0.0], np.float32)
+    joints[3] = np.nan
+    return _runs.Run(joints, scene.truth.joints, np.array([1, 1, 1, 0], bool), scene.frame_index, code)
 
 
-@pytest.mark.parametrize("interval", [None, (1001, 1003)])
+def test_the_counts_of_the_paper_add_up_to_its_last_row():
+    """Its printed sums and shares, which a slip in any row would break."""
+    total = _table.paper_total(list(_table.PAPER_TABLE_1))
+    assert total == (19856, 151, 170, 541, 457)
+    shares = _table.paper_dict()["all"]["wrong"]
+    assert [round(shares[limb]["percent"], 1) for limb in _table.PAPER_LIMBS] == [0.8, 0.9, 2.7, 2.3]
+    printed = {"02_01": [0.0, 0.0, 2.9, 13.7], "05_02": [0.7, 0.4, 0.4, 0.6], "13_29": [1.6, 2.1, 3.7, 2.0]}
+    for clip, percents in printed.items():
+        wrong = _table.paper_dict()[clip]["wrong"]
+        assert [round(wrong[limb]["percent"], 1) for limb in _table.PAPER_LIMBS] == percents
+
+
+@pytest.mark.parametrize(
+    ("stem", "clip", "body"),
+    [
+        ("13_18_male", "13_18", "male"),
+        ("13_18", "13_18", ""),
+        ("13_18_tall_male", "13_18", "tall_male"),
+        ("13_19_male", "", ""),  # not in the table
+        ("113_18_male", "", ""),
+        ("13_180", "", ""),
+        ("scene", "", ""),
+    ],
+)
+def test_clip_and_body_are_told_by_the_stem(stem, clip, body):
+    assert _table.clip_and_body(stem) == (clip, body)
+
+
+def test_a_table_counts_what_was_counted_by_hand(scene):
+    result = _runs.score_run(run_of_truth(scene))
+    preset = _runs.PRESETS[0]
+    scores = {preset.name: {"13_18_male": result, "13_18_female": result, "02_01_male": result}}
+    rows = [
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in _table.table_markdown("full", scores, [preset]).splitlines()
+        if line.startswith("|")
+    ]
+    by_name = {row[0]: row[1:] for row in rows}
+    # Of 4 frames each foot is wrong in the lost one, each hand in two.
+    assert by_name["13_18_male"] == ["4", "2999", "1.2 / 1.4 / 5.4 / 4.3", "25.0 / 25.0 / 50.0 / 50.0"]
+    assert by_name["**all female**"] == ["4", "2999", "1.2 / 1.4 / 5.4 / 4.3", "25.0 / 25.0 / 50.0 / 50.0"]
+    assert by_name["**all male**"][:2] == ["8", "3341"]
+    # Two bodies act one clip, which the paper has once.
+    assert by_name["**all**"][:2] == ["12", "3341"]
+    assert by_name["the paper"] == ["3341", "–", "37 (1.1 %)", "41 (1.2 %)", "172 (5.1 %)", "176 (5.3 %)", *"–––"]
+    assert by_name[preset.title][:6] == ["12", "3", "3 (25.0 %)", "3 (25.0 %)", "6 (50.0 %)", "6 (50.0 %)"]
+    assert by_name[preset.title][7] == "50.0 %"
+
+
+def test_a_sequence_that_the_paper_lacks_has_no_numbers_of_the_paper(scene):
+    preset = _runs.PRESETS[0]
+    result = _runs.score_run(run_of_truth(scene))
+    table = _table.table_markdown("x", {preset.name: {"scene": result, "02_01": result}}, [preset])
+    assert "| scene | 4 | – | – | 25.0 /" in table
+    assert "| **all** | 8 | – | – | 25.0 /" in table
+    assert "| 02_01 | 4 | 342 | 0.0 / 0.0 / 2.9 / 13.7 |" in table
+
+
+def test_distance_of_a_joint_is_taken_where_the_truth_is_known(scene):
+    run = run_of_truth(scene)
+    numbers, distances = _drawings.joint_distance(run)
+    np.testing.assert_array_equal(numbers, [0, 1, 2, 3])
+    np.testing.assert_allclose(distances, [0.0, 0.05, 0.2, np.nan], atol=1e-6)
+    unknown = run.truth.copy()
+    unknown[1] = np.nan
+    numbers, distances = _drawings.joint_distance(eqx.tree_at(lambda r: r.truth, run, unknown))
+    np.testing.assert_array_equal(numbers, [0, 2, 3])
+    np.testing.assert_allclose(distances, [0.0, 0.2, np.nan], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "length", "first", "end"),
+    [
+        ("0110100", 3, 2, 5),  # 1-0-1 twice jumps; 0-1-0 too, but later
+        ("0000111", 2, 3, 5),
+        ("1111", 2, 0, 2),  # no jump anywhere
+        ("0101", 9, 0, 4),  # all there is
+        ("1", 5, 0, 1),
+    ],
+)
+def test_the_interval_shown_jumps_most(wrong, length, first, end):
+    flags = np.array([letter == "1" for letter in wrong])
+    assert _drawings.jumpy_interval(flags, length) == slice(first, end)
+
+
+@pytest.mark.parametrize("interval", [(1000, 1004), (1001, 1003)])
 def test_panels_of_late_frames_fill_the_picture(scene, tmp_path, interval):
     """With a frame without a pose, and with none: matplotlib warns, hence fails here, where panels collapse."""
-    late = eqx.tree_at(lambda r: r.frame_index, scene, scene.frame_index + 1000)
-    poses = eqx.tree_at(lambda p: p.frame_index, poses_of_truth(scene), np.arange(1001, 1004))
-    figures.plot_joint_distance({"a": poses, "b": poses}, late, tmp_path / "hand.png", interval)
+    run = eqx.tree_at(lambda r: r.frame_index, run_of_truth(scene), np.arange(1000, 1004))
+    _drawings.draw_joint_distance({"a": run, "b": run}, "scene", tmp_path / "hand.png", interval)
     ink = (cv2.imread(str(tmp_path / "hand.png"), cv2.IMREAD_GRAYSCALE) < 250).any(1)
     assert ink.mean() > 0.9
 
 
 def test_an_interval_without_frames_is_refused(scene, tmp_path):
-    with pytest.raises(ValueError, match=r"a: no frame from 7 to 8; its frames are 1\.\.3"):
-        figures.plot_joint_distance({"a": poses_of_truth(scene)}, scene, tmp_path / "hand.png", (7, 9))
+    with pytest.raises(ValueError, match=r"scene: no frame from 7 to 8; its frames are 0\.\.3"):
+        _drawings.draw_joint_distance({"a": run_of_truth(scene)}, "scene", tmp_path / "hand.png", (7, 9))
+
+
+def test_a_run_is_kept_as_it_is_and_not_taken_for_another(scene, tmp_path):
+    write_recording(tmp_path / "scene.npz", scene)
+    run, settings = run_of_truth(scene), paper_settings()
+    source = _runs.made_from(tmp_path / "scene.npz", Condition(), settings)
+    _runs.write_run(tmp_path / "kept.npz", run, source)
+    back = _runs.read_run(tmp_path / "kept.npz", source)
+    np.testing.assert_array_equal(back.joints, run.joints)
+    np.testing.assert_array_equal(back.truth, run.truth)
+    np.testing.assert_array_equal(back.has_pose, run.has_pose)
+    np.testing.assert_array_equal(back.frame_index, run.frame_index)
+    assert back.code == run.code
+
+    write_recording(tmp_path / "again.npz", scene)  # the same arrays, another file
+    assert _runs.made_from(tmp_path / "again.npz", Condition(), settings) == source
+    write_recording(tmp_path / "other.npz", scene[:3])
+    others = {
+        "sequence": _runs.made_from(tmp_path / "other.npz", Condition(), settings),
+        "condition": _runs.made_from(tmp_path / "scene.npz", Condition(dirty=1), settings),
+        "settings": _runs.made_from(tmp_path / "scene.npz", Condition(), Settings()),
+    }
+    for what, other in others.items():
+        with pytest.raises(ValueError, match=rf"kept\.npz: was made with another {what}; delete it"):
+            _runs.read_run(tmp_path / "kept.npz", other)
+    with pytest.raises(ValueError, match=r"gone\.npz: cannot be read"):
+        _runs.made_from(tmp_path / "gone.npz", Condition(), settings)
+
+
+def test_sequences_of_one_name_are_told_apart_by_their_folders(tmp_path):
+    a, b = tmp_path / "full" / "13_18_male.npz", tmp_path / "sparse" / "13_18_male.npz"
+    assert figures.sets_of([a, b]) == {"full": {"13_18_male": a}, "sparse": {"13_18_male": b}}
+    with pytest.raises(ValueError, match="rename one of them"):
+        figures.sets_of([a, tmp_path / "else" / "full" / "13_18_male.npz"])
 
 
 # --- the scripts
@@ -351,10 +471,64 @@ def test_scripts_run_on_four_frames(scene, tmp_path, monkeypatch, capsys):
     assert written["condition"] == "cameras 0 1 2 3 4 5 6, 1 frame in 2"
     assert set(written["accuracy"]) == {"scene", "all"}
 
-    write_poses(tmp_path / "out", poses_of_truth(scene))
-    panels = ["--hand", "scene.npz", "--poses", "one=out/poses.npz", "--poses", "two=out/poses.npz"]
-    run(figures.main, monkeypatch, "scene.npz", *condition, "-o", "pictures", *panels, "--interval", "1:4")
-    for name in ("figure3.png", "figure4a.png"):
-        picture = cv2.imread(str(tmp_path / "pictures" / name))
+
+def test_figures_go_on_where_they_were_cut_off(scene, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    write_recording(tmp_path / "clips" / "13_18_male.npz", scene)
+    write_recording(tmp_path / "clips" / "scene.npz", scene[:2])
+    clips = ["clips/13_18_male.npz", "clips/scene.npz"]
+    done = []
+    reconstruct_run = figures.reconstruct_run
+
+    def cut_off(recording, settings, label):
+        if len(done) == 3:
+            raise KeyboardInterrupt
+        done.append((recording.name, label.split()[-1]))
+        return reconstruct_run(recording, settings, label)
+
+    monkeypatch.setattr(figures, "reconstruct_run", cut_off)
+    with pytest.raises(KeyboardInterrupt):
+        run(figures.main, monkeypatch, *clips, "-o", "out")
+    assert not (tmp_path / "out" / "table1.md").exists()
+    first, done[:] = list(done), []
+    run(figures.main, monkeypatch, *clips, "-o", "out")
+    assert sorted(first + done) == [
+        (name, preset) for name in ("13_18_male", "scene") for preset in ("default", "paper")
+    ]
+    assert len(done) == 1
+
+    table = (tmp_path / "out" / "table1.md").read_text(encoding="utf-8")
+    assert table in capsys.readouterr().out
+    assert "| 13_18_male | 4 | 2999 | 1.2 / 1.4 / 5.4 / 4.3 |" in table
+    assert "versions" not in table
+    written = json.loads((tmp_path / "out" / "table1.json").read_text())
+    assert written["paper"]["all"]["frames"] == 19856
+    assert {preset: by["all"]["frames"] for preset, by in written["sets"]["clips"].items()} == {
+        "paper": 6,
+        "default": 6,
+    }
+    for name in ("boxplots.png", "threshold.png", "hand_distance.png"):
+        picture = cv2.imread(str(tmp_path / "out" / name))
         assert picture is not None
         assert picture.std() > 5
+
+
+def test_what_is_kept_is_used_only_for_what_it_was_made_from(scene, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    write_recording(tmp_path / "clips" / "scene.npz", scene)
+    source = _runs.made_from(tmp_path / "clips" / "scene.npz", Condition(), paper_settings())
+    _runs.write_run(tmp_path / "out/runs/clips/scene.paper.npz", run_of_truth(scene), source)
+    source = _runs.made_from(tmp_path / "clips" / "scene.npz", Condition(), Settings())
+    _runs.write_run(tmp_path / "out/runs/clips/scene.default.npz", run_of_truth(scene, code="b"), source)
+    run(figures.main, monkeypatch, "clips/scene.npz", "-o", "out")
+    table = capsys.readouterr().out
+    assert "no hand_distance.png" in table
+    assert "2 versions of the code (a, b)" in table
+    with pytest.raises(ValueError, match="another condition"):
+        run(figures.main, monkeypatch, "clips/scene.npz", "-o", "out", "--step", "2")
+
+
+def test_presets_are_checked(tmp_path):
+    done = benchmark("figures.py", "scene.npz", "-o", "out", "--presets", "paper,good", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "give some of paper,default" in done.stderr

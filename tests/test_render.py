@@ -5,7 +5,7 @@ from scipy.ndimage import binary_dilation
 from jaxskel._camera import make_cameras, project, rays
 from jaxskel._recording import unpack_silhouettes
 from jaxskel._skeleton import default_adult
-from jaxskel.synthetic import demo_motion, look_at, make_body, make_view, place_body, render, render_view
+from jaxskel.synthetic import demo_motion, detailed_body, look_at, make_view, place_body, render, render_view
 
 
 def one_camera(centre, target, focal=260.0, size=(320, 240), skew=0.0, dist=None):
@@ -73,7 +73,7 @@ def test_cylinder_along_the_image_has_straight_edges():
 @pytest.mark.parametrize("name", CAMERAS)
 def test_silhouette_is_the_projection_of_the_body(name, adult, motion):
     cameras, rng = CAMERAS[name], np.random.default_rng(1)
-    ends, radii = place_body(make_body(adult), motion)
+    ends, radii = place_body(detailed_body(adult), motion)
     for frame in (0, 37, 87, 100):
         mask = render_view(make_view(cameras, 0), ends[frame], radii)
         u, v, _ = (np.asarray(x)[0] for x in project(cameras, sample_capsules(ends[frame], radii, 8000, rng)))
@@ -125,7 +125,7 @@ def test_images_of_different_sizes_are_padded(adult):
     small = one_camera((3.0, 1.0, 1.4), (0, 0, 1.0), 60.0, (51, 77))
     large = one_camera((1.0, 3.0, 1.4), (0, 0, 1.0), 80.0, (120, 60))
     fields = {name: np.concatenate([getattr(small, name), getattr(large, name)]) for name in ("K", "R", "t", "size")}
-    ends, radii = place_body(make_body(adult), demo_motion(adult, 1))
+    ends, radii = place_body(detailed_body(adult), demo_motion(adult, 1))
     done = []
     packed = render(make_cameras(**fields), ends, radii, done.append)
     masks = unpack_silhouettes(packed, 120)

@@ -7,8 +7,8 @@ from jaxskel._skeleton import JOINT_NAMES, JOINT_PARENTS, SEGMENT_NAMES, Pose, d
 from jaxskel.synthetic import (
     Motion,
     demo_motion,
+    detailed_body,
     find_joints,
-    make_body,
     place_body,
     place_joints,
     read_asf_amc,
@@ -165,7 +165,7 @@ def test_retarget_cmu_clip(adult):
     hips, captured_hips = (x[:, AT["l_hip"]] - x[:, AT["r_hip"]] for x in (joints, captured))
     angle = (hips * captured_hips).sum(-1) / np.linalg.norm(hips, axis=-1) / np.linalg.norm(captured_hips, axis=-1)
     assert angle.min() > np.cos(np.deg2rad(5))
-    ends, radii = place_body(make_body(adult), pose)
+    ends, radii = place_body(detailed_body(adult), pose)
     low = (ends[..., 2] - radii).min((1, 2))
     assert low.min() > -0.05
     assert np.median(low) < 0.1

@@ -15,8 +15,8 @@ from jaxskel._skeleton import (
 from jaxskel.synthetic import (
     camera_ring,
     demo_motion,
+    detailed_body,
     look_at,
-    make_body,
     make_scene,
     make_view,
     place_body,
@@ -60,7 +60,7 @@ def scene(adult):
 
 
 def test_body_has_the_volume_of_an_adult(adult):
-    ends, radii = place_body(make_body(adult), single_pose(demo_motion(adult, 1), 0))
+    ends, radii = place_body(detailed_body(adult), single_pose(demo_motion(adult, 1), 0))
     low, high = (ends[0].reshape(-1, 3).min(0) - 0.15), (ends[0].reshape(-1, 3).max(0) + 0.15)
     points = np.random.default_rng(0).uniform(low, high, (20_000, 3))
     litres = 1000 * in_capsules(points, ends[0], radii).mean() * np.prod(high - low)
@@ -69,13 +69,13 @@ def test_body_has_the_volume_of_an_adult(adult):
 
 @pytest.mark.parametrize("factor", [0.6, 1.2])
 def test_body_scales_with_the_skeleton(adult, factor):
-    body, scaled = make_body(adult), make_body(adult.scaled(factor))
+    body, scaled = detailed_body(adult), detailed_body(adult.scaled(factor))
     np.testing.assert_allclose(scaled.radii, factor * body.radii)
     np.testing.assert_allclose(scaled.offsets, factor * body.offsets, atol=1e-12)
 
 
 def test_body_is_symmetric(adult):
-    ends, radii = place_body(make_body(adult), Pose(np.zeros((1, 3)), np.eye(3)[None, None].repeat(13, 1)))
+    ends, radii = place_body(detailed_body(adult), Pose(np.zeros((1, 3)), np.eye(3)[None, None].repeat(17, 1)))
     balls = np.concatenate([ends[0].reshape(-1, 3), radii.reshape(-1, 1)], -1)
     mirrored = balls * [1, -1, 1, 1]
     nearest = np.abs(balls[:, None] - mirrored[None]).max(-1).min(1)
@@ -83,7 +83,7 @@ def test_body_is_symmetric(adult):
 
 
 def test_body_holds_joints_and_reaches_to_its_tips(adult, motion):
-    ends, radii = place_body(make_body(adult), motion)
+    ends, radii = place_body(detailed_body(adult), motion)
     joints, tips = (np.asarray(x) for x in place_joints(adult, motion))
     for frame in range(0, len(ends), 11):
         assert in_capsules(joints[frame], ends[frame], radii).all()
@@ -120,7 +120,7 @@ def test_motion_keeps_bone_lengths_and_rotations(adult, motion):
 
 
 def test_feet_stay_on_the_floor(adult, motion):
-    ends, radii = place_body(make_body(adult), motion)
+    ends, radii = place_body(detailed_body(adult), motion)
     np.testing.assert_allclose((ends[..., 2] - radii).min((1, 2)), 0.0, atol=1e-6)
     balls = np.asarray(place_joints(adult, motion)[0])[:, [AT["l_foot"], AT["r_foot"]]]
     assert balls[..., 2].min(1).max() < 0.06
@@ -249,6 +249,6 @@ def test_mirrored_scene_is_the_mirrored_image(adult):
     R, t = look_at(np.array([3.0, 0, 1]), np.array([0, 0, 1.0]))
     K = np.array([[60.0, 0, 31.5], [0, 60.0, 23.5], [0, 0, 1]])
     cameras = make_cameras(K[None], R[None], t[None], (64, 48))
-    ends, radii = place_body(make_body(adult), pose)
+    ends, radii = place_body(detailed_body(adult), pose)
     mask = render_view(make_view(cameras, 0), ends[0], radii)
     np.testing.assert_array_equal(mask, mask[:, ::-1])

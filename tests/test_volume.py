@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 from jaxskel import Pose, default_adult, default_solver, hull_volume, hulls_from_dense, make_grid, refine_frames
 from jaxskel._body import make_body, place_body
 from jaxskel._capsules import all_distances, capsule_distance
-from jaxskel._skeleton import SEGMENT_NAMES
-from jaxskel.parametrisations import ExactBones
+from jaxskel._skeleton import SEGMENT_NAMES, SEGMENT_PARENTS
+from jaxskel.parametrisations import HingedLimbs
 from jaxskel.terms import ArmCollision, HingeLimits, InsideHull, SurfaceCoverage, place, volume_objective
 
 ADULT = jax.tree.map(lambda a: np.asarray(a, np.float32), default_adult())
@@ -21,18 +21,25 @@ BODY = jax.tree.map(lambda a: a if a.dtype == np.int32 else np.asarray(a, np.flo
 GRID = make_grid(np.array([-1.0, -1.0, -1.2]), np.array([1.0, 1.0, 1.0]), 0.02)
 
 
+HINGED = HingedLimbs()
+UNKNOWNS = 42
+
+
 def standing() -> Pose:
-    return Pose(np.zeros(3, np.float32), np.tile(np.eye(3, dtype=np.float32), (13, 1, 1)))
+    """At ease: knees and elbows a little bent, because dead straight is beyond what the limits allow."""
+    flexions = np.zeros(UNKNOWNS, np.float32)
+    flexions[[17, 23, 27, 31]] = 0.1  # see test_parametrisations
+    rest = Pose(np.zeros(3, np.float32), np.tile(np.eye(3, dtype=np.float32), (17, 1, 1)))
+    return jax.tree.map(np.asarray, HINGED.pose(jnp.asarray(flexions), rest, ADULT))
 
 
 def turned(segment: str, axis: str, degrees: float) -> Pose:
     """Standing, with one segment and all that hangs on it turned about an axis."""
     turn = Rotation.from_euler(axis, degrees, degrees=True).as_matrix().astype(np.float32)
-    names = {"l_thigh": ("l_thigh", "l_shank"), "l_upper_arm": ("l_upper_arm", "l_forearm")}.get(segment, (segment,))
-    rotations = standing().rotations.copy()
-    for name in names:
-        rotations[SEGMENT_NAMES.index(name)] = turn
-    return Pose(standing().root, rotations)
+    carried, pose = [name == segment for name in SEGMENT_NAMES], standing()
+    for number, parent in enumerate(SEGMENT_PARENTS[1:], 1):
+        carried[number] |= carried[parent]
+    return Pose(pose.root, np.where(np.array(carried)[:, None, None], turn @ pose.rotations, pose.rotations))
 
 
 def hull_of(pose: Pose):
@@ -107,7 +114,7 @@ TERMS = {
     "coverage": (SurfaceCoverage(body=BODY, scale=1.0), 0.006, turned("l_upper_arm", "x", 40)),
     "inside": (InsideHull(body=BODY), 0.008, turned("l_upper_arm", "x", 40)),
     "collision": (ArmCollision(body=BODY), 0.001, turned("l_forearm", "x", -75)),
-    "hinges": (HingeLimits(), 1e-6, turned("l_shank", "y", -60)),
+    "hinges": (HingeLimits(skeleton=ADULT), 1e-6, turned("l_shank", "y", -60)),
 }
 
 
@@ -130,29 +137,35 @@ def test_jacobians_of_terms_are_finite_differences(observed, name):
 
         @jax.jit
         def residual(unknowns):
-            pose = ExactBones().pose(jnp.asarray(unknowns), base, skeleton)
+            pose = HINGED.pose(jnp.asarray(unknowns), base, skeleton)
             return term.residual(place(skeleton, pose), seen, fixed)
 
-        unknowns = 0.01 * jnp.asarray(np.random.default_rng(0).normal(size=31))
+        unknowns = 0.01 * jnp.asarray(np.random.default_rng(0).normal(size=UNKNOWNS))
         check_grads(residual, (unknowns,), order=1, modes=("fwd", "rev"), atol=1e-5, rtol=1e-5, eps=1e-7)
         assert jnp.abs(jax.jacfwd(residual)(unknowns)).max() > 1e-3
 
 
 def test_knees_bend_to_the_back_and_not_to_the_front(observed):
-    term = HingeLimits()
+    term = HingeLimits(skeleton=ADULT)
     assert norm(term, turned("l_shank", "y", 60), observed) < 0.1 < norm(term, turned("l_shank", "y", -60), observed)
 
 
-@pytest.mark.parametrize("seed", range(3))
+# Perturbations that keep to what the objective asks for: each foot starts nearer to its own place than to the other's.
+@pytest.mark.parametrize("seed", [1, 4, 5])
 def test_volume_alone_recovers_a_pose(seed):
     truth = turned("l_upper_arm", "x", 40)
     observed = observe(truth)
     joints = np.asarray(place(ADULT, truth).joints)
-    unknowns = 0.15 * jnp.asarray(np.random.default_rng(seed).normal(size=31), jnp.float32)
-    start = ExactBones().pose(unknowns.at[:3].multiply(0.3), jax.tree.map(jnp.asarray, truth), ADULT)
-    before = 1e3 * np.linalg.norm(np.asarray(place(ADULT, start).joints) - joints, axis=1)
+    unknowns = 0.15 * jnp.asarray(np.random.default_rng(seed).normal(size=UNKNOWNS), jnp.float32)
+    # What carries the feet far (position, pelvis, chest and thighs) by less than the rest.
+    unknowns = unknowns.at[np.r_[0:9, 24:27, 28:31].astype(np.int32)].multiply(0.3)
+    start = HINGED.pose(unknowns, jax.tree.map(jnp.asarray, truth), ADULT)
+    started = np.asarray(place(ADULT, start).joints)
+    for foot, other in ((11, 14), (14, 11)):
+        assert np.linalg.norm(started[foot] - joints[foot]) < np.linalg.norm(started[foot] - joints[other])
+    before = 1e3 * np.linalg.norm(started - joints, axis=1)
     one, seen = (jax.tree.map(lambda a: jnp.asarray(a)[None], tree) for tree in (start, observed))
-    refined = refine_frames(volume_objective(BODY), ExactBones(), default_solver(), ADULT, one, seen, 8, 4)
+    refined = refine_frames(volume_objective(BODY), HINGED, default_solver(), ADULT, one, seen, 8, 4)
     after = 1e3 * np.linalg.norm(np.asarray(refined.joints[0]) - joints, axis=1)
     assert refined.finite.all()
     assert np.median(before) > 40
@@ -164,9 +177,7 @@ def test_poses_of_random_limbs_cost_more_than_the_truth(observed):
     objective = volume_objective(BODY)
 
     def cost(pose):
-        body = place(ADULT, pose)
-        residuals = objective.residuals(body, observed, objective.correspond(body, observed))
-        return sum(float((r**2).sum()) for r in residuals.values())
+        return float(sum(objective.costs(place(ADULT, pose), observed).values()))
 
     truth = cost(standing())
     assert all(cost(pose_of(seed)) > 2 * truth for seed in range(5))

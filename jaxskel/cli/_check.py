@@ -28,7 +28,7 @@ def check(
     output: Annotated[Path, typer.Option("--output", "-o", help="Picture to write.")] = Path("check.png"),
     frame: Annotated[int | None, typer.Option(help="Frame to draw, counted from 0; the middle one by default.")] = None,
     spacing: Spacing = 0.015,
-    max_misses: MaxMisses = 0,
+    max_misses: MaxMisses = None,
     box: Box = None,
 ) -> None:
     """Draw the voxel box and the hull's reprojection; report its coverage of the silhouettes in every view."""
@@ -44,7 +44,7 @@ def check(
     chosen = np.unique(np.append(np.linspace(0, len(recording) - 1, _FRAMES).astype(int), drawn))
     sils = recording.silhouettes[chosen]
     lost = lost_views(silhouette_areas(sils), cameras)
-    hulls = carve(sils, prepared.table, lost, max_misses)
+    hulls = carve(sils, prepared.table, lost, prepared.max_misses)
     width = 8 * sils.shape[3]
     results, images = [], []
     for i, number in enumerate(chosen):

@@ -10,7 +10,7 @@ import equinox as eqx
 import numpy as np
 import typer
 
-from .._pipeline import Settings, paper_settings
+from .._settings import Settings, paper_settings
 from ..io import read_recording, read_subject, write_poses
 from ._progress import StageTimes, advice, reconstruct_with_progress, summary
 
@@ -32,7 +32,10 @@ class Preset(StrEnum):
 PresetOption = Annotated[
     Preset, typer.Option(help="default, or paper: as the paper describes it (the head is the highest voxel).")
 ]
-MaxMisses = Annotated[int, typer.Option(min=0, help="Cameras that may see background at an occupied voxel.")]
+MaxMisses = Annotated[
+    int | None,
+    typer.Option(min=0, help="Cameras that may see background at an occupied voxel. Default: judged from the masks."),
+]
 
 
 def run(
@@ -40,7 +43,7 @@ def run(
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write to.")],
     subject: Annotated[Path | None, typer.Option(help="TOML file with the subject's dimensions.")] = None,
     spacing: Spacing = 0.015,
-    max_misses: MaxMisses = 0,
+    max_misses: MaxMisses = None,
     box: Box = None,
     preset: PresetOption = Preset.DEFAULT,
 ) -> None:
@@ -64,11 +67,12 @@ def run(
         raise typer.Exit(1)
 
 
-def make_settings(preset: Preset, spacing: float, max_misses: int, box: tuple[float, ...] | None) -> Settings:
+def make_settings(preset: Preset, spacing: float, max_misses: int | None, box: tuple[float, ...] | None) -> Settings:
     """Settings from options."""
     base = paper_settings() if preset is Preset.PAPER else Settings()
     corners = None if box is None else np.array(box, np.float64).reshape(2, 3)
-    return replace(base, spacing=spacing, max_misses=max_misses, box=corners)
+    misses = base.max_misses if max_misses is None else max_misses
+    return replace(base, spacing=spacing, max_misses=misses, box=corners)
 
 
 def check_output(folder: Path) -> None:

@@ -1,9 +1,9 @@
 """A scene that the package makes itself: body, motion, cameras, silhouettes and ground truth."""
 
 from .._body import Body as Body
-from .._body import make_body as make_body
 from .._body import place_body as place_body
 from .._body import place_joints as place_joints
+from .anatomy import detailed_body as detailed_body
 from .asf_amc import parse_asf_amc as parse_asf_amc
 from .asf_amc import read_asf_amc as read_asf_amc
 from .bvh import parse_bvh as parse_bvh

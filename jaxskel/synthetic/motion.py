@@ -7,8 +7,9 @@ without overshoot (PCHIP), so knees and elbows never bend the wrong way between 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from .._body import make_body, place_body, place_joints
+from .._body import place_body, place_joints
 from .._skeleton import JOINT_NAMES, SEGMENT_NAMES, TIP_NAMES, Pose, Skeleton
+from .anatomy import detailed_body
 from .capture import turn
 
 DURATION = 12.0
@@ -124,6 +125,7 @@ def _rotations(skeleton: Skeleton, angle: dict[str, np.ndarray]) -> np.ndarray:
         hip = turned["pelvis"] @ turn("x", sign * angle["spread"]) @ turn("y", -angle[side + "hip"])
         turned[side + "thigh"] = hip
         turned[side + "shank"] = hip @ turn("y", angle[side + "knee"])
+        turned[side + "hand"], turned[side + "foot"] = turned[side + "forearm"], turned[side + "shank"]
     return np.stack([turned[name] for name in SEGMENT_NAMES], 1)
 
 
@@ -140,7 +142,7 @@ def _hanging(skeleton: Skeleton, start: str, end: str) -> np.ndarray:
 
 def _stand(skeleton: Skeleton, rotations: np.ndarray, facing: np.ndarray) -> np.ndarray:
     """Pelvis positions that put the body's lowest point on the floor and leave the carrying feet in place."""
-    ends, radii = place_body(make_body(skeleton), Pose(np.zeros((len(rotations), 3)), rotations))
+    ends, radii = place_body(detailed_body(skeleton), Pose(np.zeros((len(rotations), 3)), rotations))
     joints, tips = (
         np.asarray(x, np.float64) for x in place_joints(skeleton, Pose(np.zeros((len(rotations), 3)), rotations))
     )

@@ -3,10 +3,11 @@
 import numpy as np
 from jaxtyping import Float
 
-from .._body import TOE_CLEARANCE, place_joints
+from .._body import place_joints
 from .._recording import rotation_to_z_up
 from .._rotations import aligning
 from .._skeleton import JOINT_NAMES, JOINT_PARENTS, SEGMENT_NAMES, TIP_NAMES, Pose, Skeleton
+from .anatomy import TOE_CLEARANCE
 from .capture import Motion
 
 # The joints by their names in the files, {} standing for the prefix of the side. Where two names are given
@@ -112,6 +113,7 @@ def retarget(motion: Motion, skeleton: Skeleton) -> Pose:
             front = np.array([1.0, 0.0, 0.0])
             turned[side + upper] = _frames(first, np.cross(hinge, first)) @ _frames(first_rest, front).T
             turned[side + lower] = _frames(second, np.cross(hinge, second)) @ _frames(second_rest, front).T
+        turned[side + "hand"], turned[side + "foot"] = turned[side + "forearm"], turned[side + "shank"]
     rotations = np.stack([turned[name] for name in SEGMENT_NAMES], 1)
     return Pose(_root(skeleton, joints, rotations), rotations)
 

@@ -4,10 +4,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .._body import make_body, place_body, place_joints
+from .._body import place_body, place_joints
 from .._camera import Cameras, make_cameras
 from .._recording import Recording, Truth
 from .._skeleton import Pose, Skeleton, default_adult
+from .anatomy import detailed_body
 from .motion import demo_motion
 from .render import render
 
@@ -91,7 +92,7 @@ def make_scene(
     motion = demo_motion(skeleton, frames, fps) if motion is None else motion
     if np.ndim(motion.root) != 2:
         raise ValueError(f"motion: root has shape {np.shape(motion.root)}: give a stack of poses, (frames, 3)")
-    ends, radii = place_body(make_body(skeleton), motion)
+    ends, radii = place_body(detailed_body(skeleton), motion)
     joints, tips = place_joints(skeleton, motion)
     return Recording(
         cameras=cameras,

@@ -17,6 +17,7 @@ from ._hinges import HingeLimits as HingeLimits
 from ._inner_nodes import InnerNodeAttraction as InnerNodeAttraction
 from ._inside_hull import InsideHull as InsideHull
 from ._rest_prior import RestPrior as RestPrior
+from ._rest_prior import firmness as firmness
 from ._surface_coverage import SurfaceCoverage as SurfaceCoverage
 
 
@@ -48,7 +49,10 @@ def volume_objective(body: Body) -> Objective:
             "coverage": SurfaceCoverage(body=body, weight=1.2e5),
             "inside": InsideHull(body=body, weight=7e4),
             "collision": ArmCollision(body=body, weight=400.0),
-            "hinges": HingeLimits(weight=40.0),
-            "rest": RestPrior(weight=2.0),
+            "hinges": HingeLimits(skeleton=body.skeleton, weight=40.0),
+            "rest": RestPrior(
+                weight=0.2,
+                firmness=firmness(chest=8.0, head=5.0, clavicle=70.0, thigh=0.7, hand=6.0, foot=6.0),
+            ),
         }
     )

@@ -3,33 +3,58 @@
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
-from .._body import Body, capsule_ends
-from .._capsules import all_distances
+from .._body import Body, ball_centres
+from .._capsules import all_distances, toward_capsule
 from .._skeleton import SEGMENT_NAMES
 from ._base import AbstractTerm, Observed, PlacedBody
 
-_ARM = np.array([name[2:] in ("clavicle", "upper_arm", "forearm") for name in SEGMENT_NAMES])
-_FOREARM = np.array([name.endswith("forearm") for name in SEGMENT_NAMES])
+_ARM = np.array([name[2:] in ("clavicle", "upper_arm", "forearm", "hand") for name in SEGMENT_NAMES])
+_FOREARM = np.array([name[2:] in ("forearm", "hand") for name in SEGMENT_NAMES])
+
+
+class Contacts(eqx.Module):
+    """The capsule of trunk, head or leg that is nearest to each ball, and where."""
+
+    capsule: Int[Array, " balls"]
+    part: Float[Array, " balls"]
+    normal: Float[Array, "balls 3"]
+    centres: Float[Array, "balls 3"]
+    depth: Float[Array, " balls"]
+    """By how much the ball lies too deep (m); large and negative for balls that may."""
 
 
 class ArmCollision(AbstractTerm):
-    """How deep the ends of the forearms' capsules lie in any capsule that belongs to no arm."""
+    """How deep the balls of forearms and hands lie in any capsule that belongs to no arm."""
 
     body: Body
     weight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=1.0)
     share: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.6)
     """Share of an arm's radius that must stay outside: flesh gives way."""
+    limit: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.1)
+    """Depth (m) beyond which the cost does not grow."""
 
-    def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "capsules 2"]:
+    def correspond(self, body: PlacedBody, observed: Observed) -> Contacts:
+        """Nearest capsule, place and normal of each ball."""
+        segments, links, radii = (jnp.asarray(a) for a in (self.body.segments, self.body.links, self.body.radii))
+        centres = jnp.asarray(ball_centres(self.body, body.origins, body.rotations))
+        ends, capsule_radii = centres[links], radii[links]
+        other = ~jnp.asarray(_ARM)[segments][links].any(1)
+        which = jnp.argmin(jnp.where(other[None], all_distances(centres, ends, capsule_radii), jnp.inf), 1)
+        which = which.astype(jnp.int32)
+        distance, part, normal = toward_capsule(centres, ends[which], capsule_radii[which])
+        depth = jnp.where(jnp.asarray(_FOREARM)[segments], self.share * radii - distance, -1e3)
+        return Contacts(which, part, normal, centres, depth)
+
+    def residual(self, body: PlacedBody, observed: Observed, fixed: Contacts) -> Float[Array, " balls"]:
         """Depths of penetration (m), zero outside."""
-        segments, radii = jnp.asarray(self.body.segments), jnp.asarray(self.body.radii)
-        ends = jnp.asarray(capsule_ends(self.body, body.joints, body.rotations))
-        distances = all_distances(ends.reshape(-1, 3), ends, radii)
-        other = ~jnp.asarray(_ARM)[segments].any(1)
-        # Not min(): compiled, its gradient asks whether two roundings of the same number are equal.
-        nearest = jnp.argmin(jnp.where(other[None], distances, jnp.inf), 1)
-        distance = jnp.take_along_axis(distances, nearest[:, None], 1).reshape(-1, 2)
-        depth = self.share * radii - distance
-        return jnp.where(jnp.asarray(_FOREARM)[segments], jnp.maximum(depth, 0.0), 0.0)
+        moved = jnp.asarray(ball_centres(self.body, body.origins, body.rotations)) - fixed.centres
+        ends = moved[jnp.asarray(self.body.links)[fixed.capsule]]
+        other = (1 - fixed.part)[:, None] * ends[:, 0] + fixed.part[:, None] * ends[:, 1]
+        return jnp.maximum(fixed.depth - (fixed.normal * (moved - other)).sum(-1), 0.0)
+
+    def cost(self, body: PlacedBody, observed: Observed) -> Float[Array, ""]:
+        """Sum of squared depths (m^2) up to the limit."""
+        depth = jnp.maximum(self.correspond(body, observed).depth, 0.0)
+        return jnp.minimum(depth**2, self.limit**2).sum()

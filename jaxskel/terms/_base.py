@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
 from .._field import DistanceField
-from .._skeleton import Pose, Skeleton, forward_kinematics
+from .._skeleton import Pose, Skeleton, place_segments
 
 
 class PlacedBody(eqx.Module):
@@ -18,8 +18,10 @@ class PlacedBody(eqx.Module):
     """(m)"""
     tips: Float[Array, "tips=5 3"]
     """(m)"""
-    rotations: Float[Array, "segments=13 3 3"]
+    rotations: Float[Array, "segments=17 3 3"]
     """From the body frame at rest to the world."""
+    origins: Float[Array, "segments=17 3"]
+    """The point that each segment turns about (m)."""
 
 
 class Observed(eqx.Module):
@@ -39,8 +41,8 @@ class Observed(eqx.Module):
 
 def place(skeleton: Skeleton, pose: Pose) -> PlacedBody:
     """Place the skeleton of one frame in the world."""
-    joints, tips = forward_kinematics(skeleton, pose)
-    return PlacedBody(joints, tips, jnp.asarray(pose.rotations))
+    joints, tips, origins = place_segments(skeleton, pose)
+    return PlacedBody(joints, tips, jnp.asarray(pose.rotations), origins)
 
 
 class AbstractTerm(eqx.Module):
@@ -55,6 +57,10 @@ class AbstractTerm(eqx.Module):
     def residual(self, body: PlacedBody, observed: Observed, fixed: Any) -> Float[Array, "..."]:
         """Unweighted residual of one frame; `fixed` is what `correspond` gave."""
         raise NotImplementedError
+
+    def cost(self, body: PlacedBody, observed: Observed) -> Float[Array, ""]:
+        """What a pose costs by this term, unweighted: the squared norm of the residual, unless it has a robust form."""
+        return (self.residual(body, observed, self.correspond(body, observed)) ** 2).sum()
 
 
 class Objective(eqx.Module):
@@ -74,3 +80,7 @@ class Objective(eqx.Module):
             name: jnp.sqrt(term.weight) * term.residual(body, observed, fixed[name])
             for name, term in self.terms.items()
         }
+
+    def costs(self, body: PlacedBody, observed: Observed) -> dict[str, Float[Array, ""]]:
+        """Weighted cost of one frame by each term, by name."""
+        return {name: term.weight * term.cost(body, observed) for name, term in self.terms.items()}

@@ -2,36 +2,43 @@
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from .._skeleton import JOINT_NAMES, SEGMENT_NAMES
+from .._skeleton import SEGMENT_NAMES, Skeleton, hinge_axes
 from ._base import AbstractTerm, Observed, PlacedBody
 
-_SIDES = ("l", "r")
+_UPPER, _LOWER = (
+    np.array([SEGMENT_NAMES.index(side + name) for name in names for side in ("l_", "r_")], np.int32)
+    for names in (("upper_arm", "thigh"), ("forearm", "shank"))
+)
+_UPPER_JOINT, _HINGE_JOINT = (np.array(a, np.int32) for a in ((3, 6, 9, 12), (4, 7, 10, 13)))
 
 
 class HingeLimits(AbstractTerm):
-    """The shank may not bend to the front of the thigh, nor much to its side; no limb may fold up completely."""
+    """Flexion of elbows and knees stays between limits, and they do not bend to the side."""
 
+    skeleton: Skeleton
     weight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=1.0)
-    play: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.1)
-    """Sine of the angle by which a knee may be overstretched."""
-    folded: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.85)
-    """Cosine of the angle to the reversed upper bone at which a limb counts as folded up."""
+    straight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.05)
+    """Least flexion (rad)."""
+    folded: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=2.5)
+    """Largest flexion (rad)."""
 
-    def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "limbs=2 4"]:
-        """For each side: knee to the front, knee to the side (a third), knee folded, elbow folded; all sines."""
-        rows = []
-        for side in _SIDES:
-            thigh = body.rotations[SEGMENT_NAMES.index(f"{side}_thigh")]
-            shank = -body.rotations[SEGMENT_NAMES.index(f"{side}_shank")][:, 2]  # downwards; straight at rest
-            front, left, knee = shank @ thigh[:, 0], shank @ thigh[:, 1], shank @ thigh[:, 2]
-            elbow = -_bone(body, f"{side}_elbow", f"{side}_hand") @ _bone(body, f"{side}_shoulder", f"{side}_elbow")
-            over = jnp.maximum(jnp.stack([front - self.play, knee - self.folded, elbow - self.folded]), 0.0)
-            rows.append(jnp.stack([over[0], left / 3, over[1], over[2]]))
-        return jnp.stack(rows)
-
-
-def _bone(body: PlacedBody, start: str, end: str) -> Float[Array, "3"]:
-    bone = body.joints[JOINT_NAMES.index(end)] - body.joints[JOINT_NAMES.index(start)]
-    return bone / jnp.linalg.norm(bone)
+    def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "hinges=4 2"]:
+        """For left and right elbow and knee: angle beyond the limits (rad), a third of the cosine to the side."""
+        rest = jnp.asarray(self.skeleton.rest_joints)
+        # The forearm ends at the wrist, the shank at the ankle: the ball of the foot stands in front of a straight leg.
+        upper = rest[_HINGE_JOINT] - rest[_UPPER_JOINT]
+        lower = jnp.asarray(self.skeleton.pivots) - rest[_HINGE_JOINT]
+        axis = jnp.asarray(hinge_axes(self.skeleton))
+        turn = jnp.einsum("hji,hjk->hik", body.rotations[_UPPER], body.rotations[_LOWER])
+        bone = jnp.einsum("hij,hj->hi", turn, lower / jnp.linalg.norm(lower, axis=-1, keepdims=True))
+        along = upper / jnp.linalg.norm(upper, axis=-1, keepdims=True)
+        forward = jnp.cross(axis, along)
+        flexion = jnp.arctan2((bone * forward).sum(-1), (bone * along).sum(-1))
+        flexion = jnp.where(flexion < -np.pi / 2, flexion + 2 * np.pi, flexion)  # folded beyond 180 degrees
+        beyond = jnp.maximum(self.straight - flexion, 0.0) + jnp.maximum(flexion - self.folded, 0.0)
+        # What bends to the side already at rest may do so.
+        side = (bone * axis).sum(-1) - (lower / jnp.linalg.norm(lower, axis=-1, keepdims=True) * axis).sum(-1)
+        return jnp.stack([beyond, side / 3], -1)

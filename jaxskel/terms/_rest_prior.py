@@ -8,22 +8,31 @@ from jaxtyping import Array, Float
 from .._skeleton import SEGMENT_NAMES, SEGMENT_PARENTS
 from ._base import AbstractTerm, Observed, PlacedBody
 
-# How firmly a segment is held, relative to the chest: shoulder blades move little, limbs swing freely.
-_FIRMNESS = {"chest": 1.0, "head": 0.5, "l_clavicle": 3.0, "r_clavicle": 3.0, "l_thigh": 0.2, "r_thigh": 0.2,
-             "l_shank": 0.2, "r_shank": 0.2, "l_upper_arm": 0.05, "r_upper_arm": 0.05, "l_forearm": 0.1,
-             "r_forearm": 0.1}  # fmt: skip
 # 32 bits, because JAX mixes up wider indices when float64 is switched on after the first use.
-_SEGMENTS = np.array([SEGMENT_NAMES.index(name) for name in _FIRMNESS], np.int32)
-_PARENTS = np.array(SEGMENT_PARENTS, np.int32)[_SEGMENTS]
-_HELD = np.sqrt(np.array(list(_FIRMNESS.values())))
+_PARENTS = np.array(SEGMENT_PARENTS, np.int32)[1:]
+
+
+def firmness(**segments: float) -> Float[np.ndarray, "segments=16"]:
+    """How firmly each segment but the pelvis is held, by its name without the side; those not named swing freely."""
+    return np.array([segments.get(name.removeprefix("l_").removeprefix("r_"), 0.0) for name in SEGMENT_NAMES[1:]])
+
+
+# Shoulder blades move little, limbs swing freely.
+_SEEN_AS_GRAPH = firmness(chest=1.0, head=0.5, clavicle=3.0, thigh=0.2, shank=0.2, upper_arm=0.05, forearm=0.1)
 
 
 class RestPrior(AbstractTerm):
     """Relative rotation of each segment to its parent segment minus the identity."""
 
     weight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=1.0)
+    firmness: Float[Array, "segments=16"] = eqx.field(converter=jnp.asarray, default_factory=_SEEN_AS_GRAPH.copy)
+    """Weight of each segment but the pelvis, see [`firmness`][]."""
 
-    def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "segments=12 3 3"]:
-        """Differences of rotation matrices; their norm is about 1.4 times the angle (rad)."""
-        relative = jnp.einsum("sji,sjk->sik", body.rotations[_PARENTS], body.rotations[_SEGMENTS])
-        return jnp.asarray(_HELD)[:, None, None] * (relative - jnp.eye(3)[None])
+    def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "segments=16 4"]:
+        """Four numbers with the norm of the difference of two rotation matrices, about 1.4 times the angle (rad)."""
+        relative = jnp.einsum("sji,sjk->sik", body.rotations[_PARENTS], body.rotations[1:])
+        # With the angle a about the axis n: sin(a) n, and 1 - cos(a).
+        sine = jnp.stack([relative[:, i, j] - relative[:, j, i] for i, j in ((2, 1), (0, 2), (1, 0))], -1) / 2
+        cosine = (jnp.trace(relative, axis1=1, axis2=2) - 1) / 2
+        rows = jnp.concatenate([sine, (1 - cosine)[:, None]], 1)
+        return jnp.sqrt(2 * self.firmness)[:, None] * rows

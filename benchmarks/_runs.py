@@ -1,0 +1,133 @@
+"""What a preset makes of a sequence file, kept on disk, so that a benchmark that is cut off goes on where it was."""
+
+import hashlib
+import json
+import time
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import equinox as eqx
+import numpy as np
+from _condition import Condition
+from jaxtyping import Bool, Float, Int
+
+import jaxskel
+from jaxskel import Recording, Settings, join_poses, paper_settings, prepare, reconstruct_batches
+from jaxskel.io._archive import read_arrays, written_whole
+from jaxskel.metrics import Score, score
+
+_NEWS_EVERY = 30.0
+"""Seconds between two lines of progress: short runs stay quiet, a log of a whole night can still be read."""
+
+
+def _digest_of_code() -> str:
+    folder = Path(jaxskel.__file__).parent
+    digest = hashlib.sha256()
+    for path in sorted(folder.rglob("*.py")):
+        digest.update(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+CODE = _digest_of_code()
+"""Digest of the package's source, taken at once, because it may be edited while a benchmark runs."""
+
+
+@dataclass(frozen=True)
+class Preset:
+    """A way to reconstruct that the tables and figures show."""
+
+    name: str
+    """On the command line, in file names, in figures."""
+    title: str
+    """Above its column."""
+    settings: Callable[[], Settings]
+
+
+PRESETS = (
+    Preset("paper", "`paper_settings()`", paper_settings),
+    Preset("default", "`Settings()`", Settings),
+)
+"""All presets, in the order of the columns."""
+
+
+class Run(eqx.Module):
+    """The poses of one sequence file by one preset beside the truth, in the recording's world."""
+
+    joints: Float[np.ndarray, "frames joints=15 3"]
+    """Estimated joints (m); NaN in a frame without a pose."""
+    truth: Float[np.ndarray, "frames joints=15 3"]
+    """True joints (m); NaN where they are not known."""
+    has_pose: Bool[np.ndarray, " frames"]
+    frame_index: Int[np.ndarray, " frames"]
+    """Number of each frame in the material."""
+    code: str
+    """The `CODE` that reconstructed."""
+
+
+def reconstruct_run(recording: Recording, settings: Settings, label: str) -> Run:
+    """Reconstruct a recording with a truth, telling now and then how far it is."""
+    if recording.truth is None:
+        raise ValueError(f"{recording.name}: key 'joints': there is no ground truth to score against")
+    prepared = prepare(recording, settings)
+    parts, done = [], 0
+    start = first = told = time.perf_counter()
+    for part in reconstruct_batches(recording, settings, prepared):
+        parts.append(part)
+        done += len(part)
+        now = time.perf_counter()
+        if len(parts) == 1:
+            first = told = now  # the first batch compiles and tells nothing of the others
+        elif now - told > _NEWS_EVERY:
+            told, rate = now, (done - len(parts[0])) / (now - first)
+            left = (len(recording) - done) / rate / 60
+            print(f"  {label}: {done} of {len(recording)} frames, {rate:.1f} frames/s, {left:.1f} min left", flush=True)
+    poses, seconds = join_poses(parts), time.perf_counter() - start
+    print(f"{label}: {len(poses)} frames in {seconds:.0f} s", flush=True)
+    return Run(poses.joints, recording.truth.joints, poses.has_pose, poses.frame_index, CODE)
+
+
+def score_run(run: Run) -> Score:
+    """Score a run against its truth."""
+    return score(run.joints.astype(np.float64), run.truth.astype(np.float64), run.has_pose)
+
+
+def made_from(sequence: Path, condition: Condition, settings: Settings) -> dict[str, str]:
+    """What a run is made from: two runs of one file name that differ in any of it must not meet in one table."""
+    try:
+        with zipfile.ZipFile(sequence) as archive:  # checksums of the arrays, without reading them
+            arrays = sorted((info.filename, info.file_size, info.CRC) for info in archive.infolist())
+    except (OSError, zipfile.BadZipFile) as error:
+        raise ValueError(f"{sequence}: cannot be read ({error}); give a sequence file (.npz)") from None
+    return {
+        "sequence": hashlib.sha256(repr(arrays).encode()).hexdigest(),
+        "condition": str(condition),
+        "settings": eqx.tree_pformat(settings, short_arrays=False),
+    }
+
+
+def write_run(path: Path, run: Run, source: dict[str, str]) -> None:
+    """Keep a run, with what it is `made_from`; a write that is broken off leaves no file behind."""
+    with written_whole(path) as file:
+        np.savez_compressed(
+            file, joints=run.joints, truth=run.truth, has_pose=run.has_pose, frame_index=run.frame_index,
+            code=run.code, made_from=json.dumps(source),
+        )  # fmt: skip
+
+
+def read_run(path: Path, source: dict[str, str]) -> Run:
+    """Read a run back.
+
+    Raises:
+        ValueError: It was made from something else than `source`, or the file is damaged.
+    """
+    arrays = read_arrays(path, ("joints", "truth", "has_pose", "frame_index", "code", "made_from"), ())
+    kept = json.loads(str(arrays["made_from"]))
+    other = [key for key in source if kept.get(key) != source[key]]
+    if other:
+        raise ValueError(f"{path}: was made with another {' and '.join(other)}; delete it or give another --output")
+    return Run(
+        arrays["joints"], arrays["truth"], arrays["has_pose"], arrays["frame_index"].astype(np.int64),
+        str(arrays["code"]),
+    )  # fmt: skip

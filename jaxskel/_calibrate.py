@@ -1,0 +1,118 @@
+"""Radii of a subject's body, and where its flesh sits around the skeleton, from a few hulls of the subject."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ._body import BALL_NAMES, Body, capsule_ends
+from ._capsules import nearest_capsule, toward_capsule
+from ._skeleton import Pose, place_segments
+from ._solve import Search, fit_poses, fit_scales, make_model, solve_frames
+from .terms import Observed
+
+_ROUNDS = 4
+# Frames whose fit is the worst may be wrong altogether; they are left out.
+_USED = 0.8
+# Points farther from the body (m) belong to something else; beyond the scale (m) they count for little.
+_REACH, _SCALE = 0.05, 0.012
+# Neighbouring points say the same: so many count as one measurement.
+_ALIKE = 50
+# How far flesh may sit from where it does on average, and how thick it may be (m). The middle of a limb's flesh is its
+# bone; hands and feet are what they are; the trunk and the head differ most.
+_LIMB_PLAY, _END_PLAY, _TRUNK_PLAY, _RADIUS_PLAY = 0.002, 0.005, 0.008, 0.010
+_LIMB = ("shoulder", "elbow", "forearm", "wrist", "palm", "finger", "knee", "calf", "ankle")
+_END = ("heel", "ball", "toe")
+_THINNEST = 0.010  # m
+_SCALES = fit_scales((0.04, 4))
+
+
+def calibrate(body: Body, starts: Pose, observed: Observed, search: Search | None = None) -> Body:
+    """Fit the radii of a body, and the places of its balls, to hulls of one subject in different poses.
+
+    Poses and body are fitted in turns; left and right stay alike.
+
+    Args:
+        body: Where to begin, see [`make_body`][jaxskel.make_body].
+        starts: Poses to start from, with axes ``frames starts``.
+        observed: Fields and surfaces of the hulls, with a leading axis ``frames``; 15 to 30 frames will do.
+        search: How broad and how deep to search for the poses.
+    """
+    search = search or Search()
+    found = solve_frames(make_model(body), search, starts, observed)
+    used = np.flatnonzero(found.cost[:, 0] <= np.quantile(found.cost[:, 0], _USED))
+    poses, seen = (jax.tree.map(lambda a: np.asarray(a)[used], tree) for tree in (found.first(1), observed))
+    for _ in range(_ROUNDS):
+        body = _updated(body, jax.tree.map(lambda a: a[:, 0], poses), np.asarray(seen.surface))
+        model = make_model(body)
+        poses = fit_poses(model.objective, model.skeleton, poses, seen, _SCALES).poses
+    return body
+
+
+def _updated(body: Body, poses: Pose, surface: Float[np.ndarray, "frames points 3"]) -> Body:
+    """One step of Gauss-Newton for all radii and offsets at once, the poses given."""
+    which, part, distance, normals = (np.asarray(a, np.float64) for a in _nearest(body, poses, jnp.asarray(surface)))
+    links = np.asarray(body.links)[which.astype(int).ravel()]
+    part, distance = part.ravel(), distance.ravel()
+    used = np.abs(distance) < _REACH
+    links, part, distance = links[used], part[used], distance[used]
+    weight = 1 / (1 + (distance / _SCALE) ** 2) ** 2 / _ALIKE
+
+    free, mirrored = _mirrored()
+    rows = np.zeros((len(distance), 4 * len(free)))
+    every = np.arange(len(distance))
+    for end, share in ((0, 1 - part), (1, part)):
+        ball = links[:, end]
+        normal = normals.reshape(-1, 2, 3)[used, end] * mirrored[ball][:, None] ** [0, 1, 0]
+        for column in range(3):
+            rows[every, 4 * _OWN[ball] + column] += share * normal[:, column]
+        rows[every, 4 * _OWN[ball] + 3] += share
+    play = np.concatenate([_play(BALL_NAMES[ball]) for ball in free])
+    matrix = (rows * weight[:, None]).T @ rows + np.diag((_SCALE / play) ** 2)
+    change = np.linalg.solve(matrix, rows.T @ (weight * distance)).reshape(-1, 4)[_OWN]
+    offsets = np.asarray(body.offsets) + change[:, :3] * mirrored[:, None] ** [0, 1, 0]
+    radii = np.maximum(np.asarray(body.radii) + change[:, 3], _THINNEST)
+    return Body(body.skeleton, body.segments, offsets, radii, body.links)
+
+
+@eqx.filter_jit
+def _nearest(
+    body: Body, poses: Pose, surface: Float[Array, "frames points 3"]
+) -> tuple[
+    Int[Array, "frames points"],
+    Float[Array, "frames points"],
+    Float[Array, "frames points"],
+    Float[Array, "frames points 2 3"],
+]:
+    """Capsule of each point, where along it, distance (m), and the normal in the frames of the two balls' segments."""
+
+    def one(pose: Pose, points: Array) -> tuple[Array, Array, Array, Array]:
+        rotations = jnp.asarray(pose.rotations)
+        ends = jnp.asarray(capsule_ends(body, place_segments(body.skeleton, pose)[2], rotations))
+        radii, links = jnp.asarray(body.radii)[body.links], jnp.asarray(body.links)
+        which, _ = nearest_capsule(points, ends, radii)
+        distance, part, normal = toward_capsule(points, ends[which], radii[which])
+        turned = rotations[jnp.asarray(body.segments)[links[which]]]
+        return which, part, distance, jnp.einsum("peji,pj->pei", turned, normal)
+
+    return jax.vmap(one)(poses, surface)
+
+
+def _mirrored() -> tuple[list[int], Float[np.ndarray, " balls"]]:
+    """Balls that have unknowns of their own, and the sign of y of each ball relative to the one it is like."""
+    free = [ball for ball, name in enumerate(BALL_NAMES) if not name.startswith("r_")]
+    return free, np.array([-1.0 if name.startswith("r_") else 1.0 for name in BALL_NAMES])
+
+
+_FREE = _mirrored()[0]
+_OWN = np.array([_FREE.index(BALL_NAMES.index(name.replace("r_", "l_", 1) if name.startswith("r_") else name))
+                 for name in BALL_NAMES])  # fmt: skip
+
+
+def _play(name: str) -> Float[np.ndarray, "4"]:
+    """Standard deviations of a ball's offset and radius (m)."""
+    sided = name.startswith("l_")
+    kind = name.removeprefix("l_")
+    play = _LIMB_PLAY if kind in _LIMB else _END_PLAY if kind in _END else _TRUNK_PLAY
+    return np.array([play, play if sided else 1e-6, play, _RADIUS_PLAY])

@@ -1,0 +1,91 @@
+"""From the silhouettes of a batch to the labelled skeletal graph of the person in each frame."""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
+
+from ._camera import Cameras
+from ._carve import carve
+from ._descriptors import MAX_ENDS, describe_ends
+from ._graph import SkeletalGraph, limit_ends, prune
+from ._hull import VisualHulls
+from ._limbs import Limbs, label_limbs
+from ._person import find_people, seen_whole
+from ._poses import Status
+from ._prepared import Prepared
+from ._scoop import scoop
+from ._settings import Settings
+from ._sides import tell_sides
+from ._skeleton import Skeleton
+from ._views import MIN_VIEWS, lost_views, silhouette_areas
+
+Stopwatch = Callable[[str], AbstractContextManager[Any]]
+"""Called with the name of a stage, gives a context that lasts as long as the stage."""
+
+
+class Seen(eqx.Module):
+    """The frames of a batch that hold one whole person, and that person's graph."""
+
+    status: Int[np.ndarray, " frames"]
+    """A `Status` for each frame of the batch; OK where there is a person."""
+    frames: Int[np.ndarray, " people"]
+    """The frames with a person, in order; hulls and graphs are of these."""
+    lost: Bool[np.ndarray, "frames cams"]
+    """Views that show no person while others do."""
+    hulls: VisualHulls | None
+    """None where there is nothing to carve."""
+    graphs: list[SkeletalGraph]
+
+
+def skeletal_graphs(
+    hulls: VisualHulls, roots: Int[np.ndarray, " frames"], min_branch: float = 0.2
+) -> list[SkeletalGraph]:
+    """Scoop the graph of each hull and prune it (Sect. 3.1)."""
+    return [limit_ends(prune(graph, min_branch), MAX_ENDS) for graph in scoop(hulls, roots)]
+
+
+def labelled_limbs(
+    graphs: list[SkeletalGraph], skeleton: Skeleton, settings: Settings
+) -> tuple[Limbs, Float[np.ndarray, "frames 3"], Float[np.ndarray, " frames"]]:
+    """Match the end nodes, find neck and pelvis, tell left from right (Sect. 3.2, 3.3).
+
+    Returns:
+        The limbs, the facing direction, and the confidence in left and right.
+    """
+    ends = describe_ends(graphs)
+    matches = settings.matcher.match(ends, skeleton)
+    return tell_sides(label_limbs(graphs, ends, matches, skeleton, settings.descriptor), skeleton)
+
+
+def see_people(
+    silhouettes: UInt8[np.ndarray, "frames cams h w8"],
+    cameras: Cameras,
+    prepared: Prepared,
+    settings: Settings,
+    stopwatch: Stopwatch = lambda _: nullcontext(),
+) -> Seen:
+    """Carve a batch of at most 32 frames, find the person in each and scoop the person's graph.
+
+    `stopwatch` is told of the stages ``carve`` and ``graph``.
+    """
+    lost = lost_views(silhouette_areas(silhouettes), cameras)
+    views = (~lost).sum(1)
+    enough = views >= MIN_VIEWS
+    status = np.where(enough, Status.NO_HULL, np.where(views > 0, Status.TOO_FEW_VIEWS, Status.EMPTY))
+    if prepared.table is None:
+        return Seen(status, np.zeros(0, int), lost, None, [])
+    with stopwatch("carve"):
+        hulls = carve(silhouettes, prepared.table, lost, prepared.max_misses)
+    with stopwatch("graph"):
+        people = find_people(hulls, prepared.edge)
+        status[enough] = people.status[enough]
+        cut = ~seen_whole(people.hulls, prepared.table, lost)
+        status[(status == Status.OK) & cut] = Status.PARTLY_OUTSIDE
+        frames = np.flatnonzero(status == Status.OK)
+        hulls = people.hulls[frames]
+        graphs = skeletal_graphs(hulls, settings.root.roots(hulls, prepared.skeleton), settings.min_branch)
+    return Seen(status, frames, lost, hulls, graphs)

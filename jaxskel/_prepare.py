@@ -1,0 +1,88 @@
+"""Before the first frame: the grid, its projection, and what the recording tells about the subject."""
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import UInt8
+
+from ._body import make_body
+from ._calibrate import calibrate
+from ._camera import Cameras
+from ._carve import FRAMES_PER_WORD, projection_table
+from ._field import hull_volumes
+from ._grid import make_grid
+from ._observe import labelled_limbs, see_people
+from ._person import observed_edge
+from ._placement import place_grid
+from ._prepared import Prepared
+from ._recording import Recording, rotation_to_z_up
+from ._settings import Settings
+from ._skeleton import default_adult
+from ._starts import start_poses
+from ._stature import estimate_stature
+from ._views import lost_views, silhouette_areas
+from ._votes import judge_misses
+from .terms import Observed
+
+_SUBJECT_FRAMES = 24
+# A body is not calibrated on fewer frames than this: one wrong pose would bend it.
+_LEAST_FRAMES = 8
+_STATURES = (0.8, 2.4)  # m
+
+
+def prepare(recording: Recording, settings: Settings) -> Prepared:
+    """Place the grid, project it into the cameras, judge the silhouettes, and get to know the subject.
+
+    Where the subject's dimensions are unknown, an average adult is scaled to the stature that the hulls show; where no
+    body is given, one is calibrated on up to 24 frames.
+    """
+    to_z_up = rotation_to_z_up(recording.up)
+    cameras = recording.cameras.rotated(to_z_up)
+    silhouettes = recording.silhouettes
+    min_views = settings.min_views or (3 if len(cameras) >= 6 else 2)
+    lost = lost_views(silhouette_areas(silhouettes), cameras)
+    box = None
+    if settings.box is not None:
+        corners = settings.box @ to_z_up.T  # the rotation only exchanges axes
+        box = np.stack([corners.min(0), corners.max(0)])
+    max_misses = settings.max_misses
+    if max_misses is None:
+        max_misses = judge_misses(cameras, silhouettes, lost, min_views, box)
+    if box is not None:
+        grid = make_grid(box[0], box[1], settings.spacing)
+    else:
+        grid = place_grid(cameras, silhouettes, lost, settings.spacing, min_views, max_misses)
+    table, edge = None, np.zeros((0, 0, 0), bool)
+    if grid is not None:
+        # A voxel that may be missed by some cameras must be seen by so many more.
+        table = projection_table(cameras, grid, silhouettes.shape[2], 8 * silhouettes.shape[3], min_views + max_misses)
+        edge = observed_edge(np.asarray(table.observed).reshape(grid.shape))
+    known = recording.skeleton is not None
+    skeleton = recording.skeleton or default_adult()
+    body = settings.body or make_body(skeleton)
+    prepared = Prepared(to_z_up, table, edge, max_misses, skeleton, known, body)
+    return _with_subject(prepared, cameras, silhouettes, settings)
+
+
+def _with_subject(
+    prepared: Prepared, cameras: Cameras, silhouettes: UInt8[np.ndarray, "frames cams h w8"], settings: Settings
+) -> Prepared:
+    calibrating = settings.search is not None and settings.body is None
+    if prepared.table is None or (prepared.skeleton_is_known and not calibrating):
+        return prepared
+    chosen = np.unique(np.linspace(0, len(silhouettes) - 1, _SUBJECT_FRAMES).astype(int))
+    assert len(chosen) <= FRAMES_PER_WORD
+    seen = see_people(silhouettes[chosen], cameras, prepared, settings)
+    if not prepared.skeleton_is_known:
+        stature = estimate_stature(seen.graphs)
+        if stature is not None and _STATURES[0] < stature < _STATURES[1]:
+            skeleton = default_adult(stature)
+            prepared = eqx.tree_at(
+                lambda p: (p.skeleton, p.body), prepared, (skeleton, settings.body or make_body(skeleton))
+            )
+    if not calibrating or len(seen.frames) < _LEAST_FRAMES or seen.hulls is None:
+        return prepared
+    limbs, facing, _ = labelled_limbs(seen.graphs, prepared.skeleton, settings)
+    field, surface = hull_volumes(seen.hulls)
+    observed = Observed(limbs.paths, limbs.found, limbs.neck, limbs.pelvis, field, surface)
+    body = calibrate(prepared.body, start_poses(limbs, facing, prepared.skeleton), observed, settings.search)
+    return eqx.tree_at(lambda p: p.body, prepared, body)

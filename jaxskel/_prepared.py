@@ -1,0 +1,27 @@
+"""What holds for all frames of a recording."""
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ._body import Body
+from ._carve import ProjectionTable
+from ._skeleton import Skeleton
+
+
+class Prepared(eqx.Module):
+    """What holds for all frames of a recording. See `prepare`."""
+
+    to_z_up: Float[np.ndarray, "3 3"]
+    """Rotation from the recording's world to the one worked in."""
+    table: ProjectionTable | None
+    """None where no frame has a hull."""
+    edge: Bool[np.ndarray, "x y z"]
+    """Observed voxels at the edge of what is observed."""
+    max_misses: int
+    """Cameras that may see background at an occupied voxel."""
+    skeleton: Skeleton
+    """Template: the subject's, or the default adult at the estimated stature."""
+    skeleton_is_known: bool
+    body: Body
+    """The template with flesh: calibrated, unless the paper's method needs none or too few frames show the subject."""

@@ -1,0 +1,243 @@
+"""The pose of a frame by search: hypotheses from the graph and from tables of limb poses, fitted to the hull, compared.
+
+All hypotheses of all frames take the same steps.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from ._body import BALL_NAMES, LINKS, Body, limb_capsules
+from ._descend import descend
+from ._limb_search import Limb, best_pairs, best_single, score_limb, unexplained, with_limb
+from ._limb_table import arm_table, leg_table
+from ._skeleton import Pose, Skeleton
+from .parametrisations import HingedLimbs
+from .terms import Objective, Observed, place, volume_objective
+
+_HINGED = HingedLimbs()
+_ARMS, _LEGS = ("l_arm", "r_arm"), ("l_leg", "r_leg")
+_LIMBS = _ARMS + _LEGS
+_MOST_STEPS = 16  # of one fit
+# Shapes are fixed whatever the search: frames, and hypotheses of each, that are fitted at once.
+_FRAMES, _AT_ONCE = 8, 4
+# A search that makes a pose cheaper by no more than this is not repeated.
+_GAIN = 0.3
+
+
+class Search(eqx.Module):
+    """How broad and how deep to search."""
+
+    rough_steps: int = 5
+    """Steps of a first look at the starts."""
+    starts: int = 4
+    """Starts that go on after the first look."""
+    leg_steps: int = 9
+    """Steps of the fit of trunk and legs."""
+    trunks: int = 2
+    """Trunks with legs that arms are searched for."""
+    pairs: int = eqx.field(static=True, default=4)
+    """Pairs of limbs that a search proposes. Static: another number compiles again."""
+    singles: int = eqx.field(static=True, default=4)
+    """Poses that the search for a single arm proposes. Static likewise."""
+    steps: int = 8
+    """Steps of a fit with all limbs."""
+    again: int = 2
+    """How often each arm is freed and searched for again, as long as that makes the pose cheaper."""
+    dear: float = 45.0
+    """Where a pose costs more than this, the legs are searched for too."""
+
+
+class Model(eqx.Module):
+    """What is known about the subject, ready for the search."""
+
+    body: Body
+    objective: Objective
+    trunk: Objective
+    """Of the body without arms."""
+    limbs: dict[str, Limb]
+
+    @property
+    def skeleton(self) -> Skeleton:
+        """Of the body."""
+        return self.body.skeleton
+
+
+class Hypotheses(eqx.Module):
+    """Poses of some frames, the cheapest of each first."""
+
+    poses: Pose
+    """Axes ``frames hypotheses``."""
+    cost: Float[np.ndarray, "frames hypotheses"]
+
+    def first(self, count: int) -> Pose:
+        """The cheapest few of each frame."""
+        return jax.tree.map(lambda a: a[:, :count], self.poses)
+
+    def merged(self, other: "Hypotheses", where: Bool[np.ndarray, " frames"]) -> "Hypotheses":
+        """As many hypotheses as before, the cheapest of both; in frames that are not marked, those of before."""
+        cost = np.where(where[:, None], other.cost, np.inf)
+        both = _beside([self, Hypotheses(other.poses, cost)])
+        order = np.argsort(both.cost, 1, kind="stable")[:, : self.cost.shape[1]]
+        return both.ordered(order)
+
+    def ordered(self, order: Int[np.ndarray, "frames some"]) -> "Hypotheses":
+        """Some of each frame's hypotheses, in an order of its own."""
+        rows = np.arange(len(order))[:, None]
+        return jax.tree.map(lambda a: a[rows, order], self)
+
+
+def make_model(body: Body) -> Model:
+    """Prepare a subject for the search."""
+    body = _single(body)
+    # Arms far thinner than nothing are nearest to no point and stick out of no hull: the same shapes with and without.
+    arms = limb_capsules("l_arm", "r_arm")
+    balls = np.setdiff1d(LINKS[arms], LINKS[~arms])
+    armless = eqx.tree_at(lambda b: b.radii, body, np.where(np.isin(np.arange(len(BALL_NAMES)), balls), -9, body.radii))
+    limbs = {name: Limb(name, (arm_table if name in _ARMS else leg_table)(body.skeleton, name[0])) for name in _LIMBS}
+    return Model(body, volume_objective(body), volume_objective(_single(armless)), limbs)
+
+
+def solve_frames(model: Model, search: Search, starts: Pose, observed: Observed) -> Hypotheses:
+    """Search for the poses of some frames, each by itself.
+
+    Args:
+        model: The subject.
+        search: How broad and how deep.
+        starts: Poses to start from, with leading axes ``frames starts``.
+        observed: Fields and surfaces of the hulls, with a leading axis ``frames``.
+
+    Returns:
+        Poses with leading axes ``frames hypotheses``, the cheapest first.
+    """
+    return _in_chunks(lambda starts, observed: _solve(model, search, starts, observed), starts, observed)
+
+
+def fit_poses(
+    objective: Objective, skeleton: Skeleton, poses: Pose, observed: Observed, scales: tuple[Array, Array]
+) -> Hypotheses:
+    """Let hypotheses (axes ``frames hypotheses``) descend and order them by their cost.
+
+    `scales` comes from [`fit_scales`][]; other steps do not compile again, nor do other numbers of frames.
+    """
+    return _in_chunks(lambda poses, observed: _fit(objective, skeleton, poses, observed, scales), poses, observed)
+
+
+def fit_scales(*rounds: tuple[float, int]) -> tuple[Array, Array]:
+    """Robust scales (m) and numbers of steps for them, as `fit_poses` takes them."""
+    values = np.concatenate([np.full(steps, scale, np.float32) for scale, steps in rounds])
+    return jnp.asarray(np.resize(values, _MOST_STEPS)), jnp.asarray(len(values), jnp.int32)
+
+
+def _solve(model: Model, search: Search, starts: Pose, observed: Observed) -> Hypotheses:
+    everywhere = np.ones(len(starts.root), bool)
+    third, half = search.leg_steps // 3, search.steps // 2
+    scales = fit_scales((0.06, half), (0.04, search.steps - half))
+
+    def fit(poses: Pose) -> Hypotheses:
+        return _fit(model.objective, model.skeleton, poses, observed, scales)
+
+    rough = fit_scales((0.08, search.rough_steps))
+    trunks = _fit(model.trunk, model.skeleton, starts, observed, rough).first(search.starts)
+    legs = fit_scales((0.08, search.leg_steps - third), (0.05, third))
+    trunks = _fit(model.trunk, model.skeleton, trunks, observed, legs).first(search.trunks)
+    found = fit(_with_pairs(model, search, trunks, observed, _ARMS))
+    better = everywhere
+    for turn in range(search.again):
+        before = found.cost[:, 0]
+        if turn == 1:
+            dear = before > search.dear
+            if dear.any():
+                legs = _with_pairs(model, search, found.first(1), observed, _LEGS)
+                found = found.merged(fit(legs), dear)
+        for limb in _ARMS:
+            if better.any():
+                found = found.merged(fit(_with_single(model, search, found.first(1), observed, limb)), better)
+        better = found.cost[:, 0] < before - _GAIN
+    return found
+
+
+def _fit(
+    objective: Objective, skeleton: Skeleton, poses: Pose, observed: Observed, scales: tuple[Array, Array]
+) -> Hypotheses:
+    """Fit a few hypotheses at a time, so that any number of them has the same shapes."""
+    parts = []
+    for start in range(0, poses.root.shape[1], _AT_ONCE):
+        part = jax.tree.map(lambda a, s=start: np.asarray(a)[:, s : s + _AT_ONCE], poses)
+        count = part.root.shape[1]
+        part = jax.tree.map(lambda a, n=count: a[:, np.minimum(np.arange(_AT_ONCE), n - 1)], part)
+        fitted, cost = jax.tree.map(np.asarray, _fitted(objective, skeleton, part, observed, scales))
+        parts.append(jax.tree.map(lambda a, n=count: a[:, :n], Hypotheses(fitted, cost)))
+    found = _beside(parts)
+    return found.ordered(np.argsort(found.cost, 1, kind="stable"))
+
+
+@eqx.filter_jit
+def _fitted(
+    objective: Objective, skeleton: Skeleton, poses: Pose, observed: Observed, scales: tuple[Array, Array]
+) -> tuple[Pose, Float[Array, "frames hypotheses"]]:
+    def fit(pose: Pose, observed: Observed) -> tuple[Pose, Array]:
+        def step(number: Array, pose: Pose) -> Pose:
+            scaled = eqx.tree_at(lambda o: o.terms["coverage"].scale, objective, scales[0][number])
+            return descend(scaled, _HINGED, skeleton, pose, observed)
+
+        pose = jax.lax.fori_loop(0, scales[1], step, pose)
+        cost = sum(objective.costs(place(skeleton, pose), observed).values(), jnp.zeros(()))
+        return pose, jnp.where(jnp.isfinite(cost), cost, jnp.inf)
+
+    single = jax.tree.map(jnp.asarray, poses)
+    return jax.vmap(lambda poses, frame: jax.vmap(lambda pose: fit(pose, frame))(poses))(single, observed)
+
+
+@eqx.filter_jit
+def _with_pairs(model: Model, search: Search, poses: Pose, observed: Observed, names: tuple[str, str]) -> Pose:
+    """Free two limbs of each pose (axes ``frames poses``) and give them their best pairs (``frames poses*pairs``)."""
+    limbs = tuple(model.limbs[name] for name in names)
+
+    def one(pose: Pose, observed: Observed) -> Pose:
+        points, costs = unexplained(model.body, pose, model.objective, observed, names)
+        left, right = (score_limb(model.body, pose, model.objective, observed, limb, points, costs) for limb in limbs)
+        first, second = best_pairs(left, right, search.pairs)
+        return jax.vmap(lambda i, j: with_limb(with_limb(pose, limbs[0], i), limbs[1], j))(first, second)
+
+    single = jax.tree.map(jnp.asarray, poses)
+    found = jax.vmap(lambda poses, frame: jax.vmap(lambda pose: one(pose, frame))(poses))(single, observed)
+    return jax.tree.map(lambda a: a.reshape(a.shape[0], -1, *a.shape[3:]), found)
+
+
+@eqx.filter_jit
+def _with_single(model: Model, search: Search, poses: Pose, observed: Observed, name: str) -> Pose:
+    """Free one limb of each pose (axes ``frames 1``) and give it its best poses (axes ``frames singles``)."""
+
+    def one(pose: Pose, observed: Observed) -> Pose:
+        limb = model.limbs[name]
+        points, costs = unexplained(model.body, pose, model.objective, observed, (name,))
+        scored = score_limb(model.body, pose, model.objective, observed, limb, points, costs)
+        return jax.vmap(lambda index: with_limb(pose, limb, index))(best_single(scored, search.singles))
+
+    return jax.vmap(one)(jax.tree.map(lambda a: jnp.asarray(a[:, 0]), poses), observed)
+
+
+def _in_chunks(work: Callable[[Pose, Observed], Hypotheses], poses: Pose, observed: Observed) -> Hypotheses:
+    """Work on a fixed number of frames at a time, the last ones filled up with a frame that is there already."""
+    count = len(poses.root)
+    done = []
+    for start in range(0, count, _FRAMES):
+        frames = np.minimum(np.arange(start, start + _FRAMES), count - 1)
+        part = jax.tree.map(lambda a, f=frames: np.asarray(a)[f], (poses, observed))
+        done.append(work(*_single(part)))
+    return jax.tree.map(lambda *parts: np.concatenate(parts)[:count], *done)
+
+
+def _beside(parts: list[Hypotheses]) -> Hypotheses:
+    return jax.tree.map(lambda *a: np.concatenate(a, 1), *parts)
+
+
+def _single(tree: Any) -> Any:
+    """Arrays in the precision that JAX computes in, so that the caller's precision does not compile again."""
+    return jax.tree.map(lambda a: a if a.dtype.kind in "bi" else np.asarray(a, np.float32), tree)

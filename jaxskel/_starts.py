@@ -1,0 +1,98 @@
+"""Where the search for a pose starts: the trunk from the graph's inner nodes, the legs from its feet, in eight ways."""
+
+import numpy as np
+from jaxtyping import Float
+
+from ._limbs import L_FOOT, R_FOOT, Limbs
+from ._rotations import aligning, frame, turn_about
+from ._skeleton import JOINT_NAMES, PIVOT_NAMES, SEGMENT_NAMES, Pose, Skeleton, hinge_axes
+
+STARTS = 8
+_LEFT_OF_FRONT = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # a quarter turn about z
+
+
+def start_poses(limbs: Limbs, facing: Float[np.ndarray, "frames 3"], skeleton: Skeleton) -> Pose:
+    """Eight poses a frame: four directions that the body may face, each with the feet straight and crossed.
+
+    The first is the one that the graph speaks for. Knees bend towards the front; arms are as at rest.
+
+    Args:
+        limbs: Labelled limbs in a world with z up; which hand is which is not used.
+        facing: Horizontal direction that the body seems to face; the frame's x axis where it is zero.
+        skeleton: Template.
+
+    Returns:
+        Poses with axes ``frames starts``. Elbows and knees bend as hinges, see `HingedLimbs`.
+    """
+    known = np.linalg.norm(facing, axis=1, keepdims=True) > 0.5
+    front = np.where(known, facing, [1.0, 0.0, 0.0])
+    spine = limbs.neck - limbs.pelvis
+    spine = np.where(np.linalg.norm(spine, axis=1, keepdims=True) > 0.05, spine, [0.0, 0.0, 1.0])
+    feet = np.stack([limbs.ends[:, L_FOOT], limbs.ends[:, R_FOOT]], 1)
+    missing = ~limbs.found[:, [L_FOOT, R_FOOT]]
+    # A foot that the graph does not have is probably beside the other one; without both, below the pelvis.
+    below = limbs.pelvis - [0.0, 0.0, 0.5 * skeleton.stature]
+    other = np.where(missing[:, ::-1, None], below[:, None], feet[:, ::-1])
+    feet = np.where(missing[..., None], other, feet)
+    poses: list[np.ndarray] = []
+    for quarter in (0, 2, 1, 3):
+        turned = front @ np.linalg.matrix_power(_LEFT_OF_FRONT, quarter).T
+        left = turned @ _LEFT_OF_FRONT.T
+        straight = ((feet[:, 0] - feet[:, 1]) * left).sum(1) >= 0
+        for crossed in (False, True):
+            order = np.where((straight != crossed)[:, None], [0, 1], [1, 0])
+            poses.append(_pose(limbs.pelvis, spine, left, np.take_along_axis(feet, order[..., None], 1), skeleton))
+    rotations = np.stack(poses, 1)
+    return Pose(np.repeat(limbs.pelvis[:, None], STARTS, 1), rotations)
+
+
+def _pose(
+    pelvis: Float[np.ndarray, "frames 3"],
+    spine: Float[np.ndarray, "frames 3"],
+    left: Float[np.ndarray, "frames 3"],
+    feet: Float[np.ndarray, "frames 2 3"],
+    skeleton: Skeleton,
+) -> Float[np.ndarray, "frames segments=17 3 3"]:
+    points = np.concatenate([skeleton.rest_joints, skeleton.pivots]).astype(np.float64)
+    rest: dict[str, np.ndarray] = dict(zip(JOINT_NAMES + PIVOT_NAMES, points, strict=True))
+    trunk = frame(spine, left) @ aligning(_unit(rest["neck"]), np.array([0.0, 0.0, 1.0]))
+    rotations = np.repeat(trunk[:, None], len(SEGMENT_NAMES), 1)
+    axes = np.asarray(hinge_axes(skeleton), np.float64)
+    for number, side in enumerate(("l_", "r_")):
+        hip = pelvis + trunk @ rest[side + "hip"]
+        ankle = feet[:, number] + [0.0, 0.0, 0.03 * skeleton.stature] - 0.045 * skeleton.stature * trunk[:, :, 0]
+        thigh, shank, foot = (SEGMENT_NAMES.index(side + name) for name in ("thigh", "shank", "foot"))
+        bones = (rest[side + "knee"] - rest[side + "hip"], rest[side + "ankle"] - rest[side + "knee"])
+        rotations[:, thigh], rotations[:, shank] = _reach(ankle - hip, trunk[:, :, 0], bones, axes[2 + number])
+        rotations[:, foot] = rotations[:, shank]
+    return rotations
+
+
+def _reach(
+    goal: Float[np.ndarray, "frames 3"],
+    front: Float[np.ndarray, "frames 3"],
+    bones: tuple[np.ndarray, np.ndarray],
+    axis: Float[np.ndarray, "3"],
+) -> tuple[Float[np.ndarray, "frames 3 3"], Float[np.ndarray, "frames 3 3"]]:
+    """Turn two bones, joined by a hinge that opens to the front, so that they end at the goal or near it."""
+    upper, lower = (float(np.linalg.norm(bone)) for bone in bones)
+    bone = bones[0] / upper
+    at_rest = np.arctan2(bones[1] @ np.cross(axis, bone), bones[1] @ bone)
+    reach = np.linalg.norm(goal, axis=1)
+    way = goal / np.maximum(reach, 1e-9)[:, None]
+    reach = np.clip(reach, abs(upper - lower) + 0.05, upper + lower - 0.005)
+    bend = np.pi - np.arccos(np.clip((upper**2 + lower**2 - reach**2) / (2 * upper * lower), -1, 1))
+    ahead = np.arccos(np.clip((upper**2 + reach**2 - lower**2) / (2 * upper * reach), -1, 1))
+    hinge = np.cross(way, -front)
+    length = np.linalg.norm(hinge, axis=1, keepdims=True)
+    hinge = np.where(length > 1e-3, hinge / np.maximum(length, 1e-9), np.cross(way, np.roll(way, 1, 1)))
+    hinge = _unit(hinge)
+    first = way * np.cos(ahead)[:, None] - np.cross(hinge, way) * np.sin(ahead)[:, None]
+    world = np.stack([first, hinge, np.cross(first, hinge)], -1)
+    rest = np.stack([bone, axis, np.cross(bone, axis)], -1)
+    thigh = world @ rest.T
+    return thigh, thigh @ turn_about(np.broadcast_to(axis, goal.shape), bend - at_rest)
+
+
+def _unit(vector: np.ndarray) -> np.ndarray:
+    return vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-9)
