@@ -1,4 +1,4 @@
-"""Radii of a subject's body, and where its flesh sits around the skeleton, from a few hulls of the subject."""
+"""Radii of a subject's body, and where its flesh sits around the skeleton, from outlines in a few frames."""
 
 import equinox as eqx
 import jax
@@ -7,7 +7,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ._body import BALL_NAMES, Body, capsule_ends
-from ._capsules import nearest_capsule, toward_capsule
+from ._capsules import nearest_to_rays
+from ._contours import Contours
 from ._skeleton import Pose, place_segments
 from ._solve import Search, fit_poses, fit_scales, make_model, solve_frames
 from .terms import Observed
@@ -15,9 +16,9 @@ from .terms import Observed
 _ROUNDS = 4
 # Frames whose fit is the worst may be wrong altogether; they are left out.
 _USED = 0.8
-# Points farther from the body (m) belong to something else; beyond the scale (m) they count for little.
+# Rays farther from the body (m) belong to something else; beyond the scale (m) they count for little.
 _REACH, _SCALE = 0.05, 0.012
-# Neighbouring points say the same: so many count as one measurement.
+# Neighbouring rays say the same: so many count as one measurement.
 _ALIKE = 50
 # How far flesh may sit from where it does on average, and how thick it may be (m). The middle of a limb's flesh is its
 # bone; hands and feet are what they are; the trunk and the head differ most.
@@ -29,14 +30,14 @@ _SCALES = fit_scales((0.04, 4))
 
 
 def calibrate(body: Body, starts: Pose, observed: Observed, search: Search | None = None) -> Body:
-    """Fit the radii of a body, and the places of its balls, to hulls of one subject in different poses.
+    """Fit the radii of a body, and the places of its balls, to the outlines of one subject in different poses.
 
     Poses and body are fitted in turns; left and right stay alike.
 
     Args:
         body: Where to begin, see [`make_body`][jaxskel.make_body].
         starts: Poses to start from, with axes ``frames starts``.
-        observed: Fields and surfaces of the hulls, with a leading axis ``frames``; 15 to 30 frames will do.
+        observed: Fields of the hulls and outlines, with a leading axis ``frames``; 15 to 30 frames will do.
         search: How broad and how deep to search for the poses.
     """
     search = search or Search()
@@ -44,15 +45,15 @@ def calibrate(body: Body, starts: Pose, observed: Observed, search: Search | Non
     used = np.flatnonzero(found.cost[:, 0] <= np.quantile(found.cost[:, 0], _USED))
     poses, seen = (jax.tree.map(lambda a: np.asarray(a)[used], tree) for tree in (found.first(1), observed))
     for _ in range(_ROUNDS):
-        body = _updated(body, jax.tree.map(lambda a: a[:, 0], poses), np.asarray(seen.surface))
+        body = _updated(body, jax.tree.map(lambda a: a[:, 0], poses), seen.contours)
         model = make_model(body)
         poses = fit_poses(model.objective, model.skeleton, poses, seen, _SCALES).poses
     return body
 
 
-def _updated(body: Body, poses: Pose, surface: Float[np.ndarray, "frames points 3"]) -> Body:
+def _updated(body: Body, poses: Pose, outlines: Contours) -> Body:
     """One step of Gauss-Newton for all radii and offsets at once, the poses given."""
-    which, part, distance, normals = (np.asarray(a, np.float64) for a in _nearest(body, poses, jnp.asarray(surface)))
+    which, part, distance, normals = (np.asarray(a, np.float64) for a in _nearest(body, poses, outlines))
     links = np.asarray(body.links)[which.astype(int).ravel()]
     part, distance = part.ravel(), distance.ravel()
     used = np.abs(distance) < _REACH
@@ -78,25 +79,21 @@ def _updated(body: Body, poses: Pose, surface: Float[np.ndarray, "frames points 
 
 @eqx.filter_jit
 def _nearest(
-    body: Body, poses: Pose, surface: Float[Array, "frames points 3"]
+    body: Body, poses: Pose, outlines: Contours
 ) -> tuple[
-    Int[Array, "frames points"],
-    Float[Array, "frames points"],
-    Float[Array, "frames points"],
-    Float[Array, "frames points 2 3"],
+    Int[Array, "frames rays"], Float[Array, "frames rays"], Float[Array, "frames rays"], Float[Array, "frames rays 2 3"]
 ]:
-    """Capsule of each point, where along it, distance (m), and the normal in the frames of the two balls' segments."""
+    """Capsule of each ray, where along it, distance (m), and the normal in the frames of the two balls' segments."""
 
-    def one(pose: Pose, points: Array) -> tuple[Array, Array, Array, Array]:
+    def one(pose: Pose, outlines: Contours) -> tuple[Array, Array, Array, Array]:
         rotations = jnp.asarray(pose.rotations)
         ends = jnp.asarray(capsule_ends(body, place_segments(body.skeleton, pose)[2], rotations))
         radii, links = jnp.asarray(body.radii)[body.links], jnp.asarray(body.links)
-        which, _ = nearest_capsule(points, ends, radii)
-        distance, part, normal = toward_capsule(points, ends[which], radii[which])
-        turned = rotations[jnp.asarray(body.segments)[links[which]]]
-        return which, part, distance, jnp.einsum("peji,pj->pei", turned, normal)
+        near = nearest_to_rays(jnp.asarray(outlines.centres), jnp.asarray(outlines.directions), ends, radii)
+        turned = rotations[jnp.asarray(body.segments)[links[near.capsule]]]
+        return near.capsule, near.part, near.distance, jnp.einsum("reji,rj->rei", turned, near.normal)
 
-    return jax.vmap(one)(poses, surface)
+    return jax.vmap(one)(poses, outlines)
 
 
 def _mirrored() -> tuple[list[int], Float[np.ndarray, " balls"]]:

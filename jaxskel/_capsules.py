@@ -82,3 +82,73 @@ def nearest_capsule(
 
     start = jnp.zeros(len(points), jnp.int32), jnp.full(len(points), jnp.inf, points.dtype)
     return jax.lax.fori_loop(0, len(ends), one, start)
+
+
+class Grazed(eqx.Module):
+    """The capsule that each ray comes nearest to."""
+
+    capsule: Int[Array, " rays"]
+    distance: Float[Array, " rays"]
+    """From the capsule's surface (m), negative where the ray goes through."""
+    part: Float[Array, " rays"]
+    """Where along its axis (0..1)."""
+    normal: Float[Array, "rays 3"]
+    """Unit vector from there to the ray, perpendicular to it."""
+
+
+def nearest_to_rays(
+    centres: Float[Array, "rays 3"],
+    directions: Float[Array, "rays 3"],
+    ends: Float[Array, "capsules 2 3"],
+    radii: Float[Array, "capsules 2"],
+) -> Grazed:
+    """The capsule that each ray, as a whole line, comes nearest to; the first of several that are equally near.
+
+    Seen along the ray a capsule is a segment of the plane, and the ray a point: `capsule_distance` in the plane.
+    """
+    first, second = (_components(axis) for axis in _across(directions))
+    components = _components(centres)
+
+    def seen(ends: tuple[Array, ...]) -> tuple[Array, Array]:
+        away = tuple(end - centre for end, centre in zip(ends, components, strict=True))
+        x, y = (away[0] * axis[0] + away[1] * axis[1] + away[2] * axis[2] for axis in (first, second))
+        return x, y
+
+    def one(number: Array, best: tuple[Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array]:
+        start, stop = (seen(_components(ends[number, end][None])) for end in (0, 1))
+        along = stop[0] - start[0], stop[1] - start[1]
+        squared = along[0] * along[0] + along[1] * along[1] + 1e-9
+        part = jnp.clip(-(start[0] * along[0] + start[1] * along[1]) / squared, 0.0, 1.0)
+        x, y = start[0] + part * along[0], start[1] + part * along[1]
+        apart = jnp.sqrt(x * x + y * y + _SMALL)
+        distance = apart - radii[number, 0] - part * (radii[number, 1] - radii[number, 0])
+        nearer = distance < best[1]
+        return (
+            jnp.where(nearer, number, best[0]),
+            jnp.where(nearer, distance, best[1]),
+            jnp.where(nearer, part, best[2]),
+            jnp.where(nearer[None], jnp.stack([x, y]) / apart[None], best[3]),
+        )
+
+    count, kind = len(centres), centres.dtype
+    best = (
+        jnp.zeros(count, jnp.int32),
+        jnp.full(count, jnp.inf, kind),
+        jnp.zeros(count, kind),
+        jnp.zeros((2, count), kind),
+    )
+    capsule, distance, part, (x, y) = jax.lax.fori_loop(0, len(ends), one, best)
+    normal = -jnp.stack([x * a + y * b for a, b in zip(first, second, strict=True)], -1)
+    return Grazed(capsule, distance, part, normal)
+
+
+def _across(directions: Float[Array, "rays 3"]) -> tuple[Float[Array, "rays 3"], Float[Array, "rays 3"]]:
+    """Two unit vectors that are perpendicular to each direction and to each other (Duff et al. 2017)."""
+    x, y, z = _components(directions)
+    sign = jnp.where(z < 0, -1.0, 1.0).astype(z.dtype)
+    a = -1 / (sign + z)
+    b = x * y * a
+    return (
+        jnp.stack([1 + sign * x * x * a, sign * b, -sign * x], -1),
+        jnp.stack([b, sign + y * y * a, -y], -1),
+    )

@@ -1,7 +1,7 @@
 """Search for arms and legs in a hull: every pose of a table is scored, the best that differ are given back.
 
 Where an arm lies on the trunk, no path along the graph leads to its hand, and a fit from a wrong start stays wrong.
-But the hull says where arms can be (inside of it, outside of the trunk) and where they must be (its surface that the
+But the hull says where arms can be (inside of it, outside of the trunk) and where they must be (at outlines that the
 rest of the body leaves unexplained), and a few thousand poses are soon tried.
 
 All functions are for one frame, to be vmapped. Costs are in the units of `volume_objective`.
@@ -16,18 +16,19 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ._body import BALL_NAMES, LINKS, Body, capsule_ends, limb_capsules
-from ._capsules import nearest_capsule
+from ._capsules import nearest_capsule, nearest_to_rays
+from ._contours import Contours
 from ._limb_table import LimbTable
 from ._skeleton import SEGMENT_NAMES, Pose
-from .terms import AbstractTerm, ArmCollision, InsideHull, Objective, Observed, SurfaceCoverage, place
+from .terms import AbstractTerm, ArmCollision, ContourContact, InsideHull, Objective, Observed, place
 
 _Term = TypeVar("_Term", bound=AbstractTerm)
 
 # How many poses of the table go on: those inside the hull, of these those outside of the trunk, of these the best.
 _INSIDE, _OUTSIDE, _BEST = 1600, 400, 64
-# Unexplained points of the surface that the poses are scored on.
-_POINTS = 256
-# A point this near to the rest of the body is explained (m).
+# Unexplained rays that the poses are scored on.
+_RAYS = 256
+# A ray this near to the rest of the body is explained (m).
 _EXPLAINED = 0.012
 # Two poses of a limb are the same if middle joint and end are closer than this (m).
 _APART = 0.12
@@ -54,8 +55,8 @@ class Scored(eqx.Module):
     """Into the table."""
     cost: Float[Array, " best"]
     """Of lying outside of the hull or inside of the trunk."""
-    left: Float[Array, "best points"]
-    """What each point still costs."""
+    left: Float[Array, "best rays"]
+    """What each ray still costs."""
     joints: Float[Array, "best 2 3"]
     """Middle joint and end (m), from shoulder or hip."""
 
@@ -72,19 +73,19 @@ _BALLS = {
 
 def unexplained(
     body: Body, pose: Pose, objective: Objective, observed: Observed, limbs: tuple[str, ...]
-) -> tuple[Float[Array, "points 3"], Float[Array, " points"]]:
-    """Surface points that the body without some limbs leaves unexplained, and what each costs.
+) -> tuple[Contours, Float[Array, " rays"]]:
+    """Outlines that the body without some limbs leaves unexplained, and what each ray costs.
 
-    A fixed number of them; points that are explained fill up and cost nothing.
+    A fixed number of them; rays that are explained fill up and cost nothing.
     """
-    coverage = _term(objective, SurfaceCoverage)
-    surface = jnp.asarray(observed.surface)
+    contact = _term(objective, ContourContact)
+    assert observed.contours is not None
+    centres, directions = jnp.asarray(observed.contours.centres), jnp.asarray(observed.contours.directions)
     placed = place(body.skeleton, pose)
     ends, radii = _capsules(body, capsule_ends(body, placed.origins, placed.rotations), ~limb_capsules(*limbs))
-    _, distance = nearest_capsule(surface, ends, radii)
-    distance, chosen = jax.lax.top_k(distance, _POINTS)
-    each = coverage.weight / len(surface) * jnp.minimum(distance, coverage.limit) ** 2
-    return surface[chosen], jnp.where(distance > _EXPLAINED, each, 0.0)
+    distance, chosen = jax.lax.top_k(nearest_to_rays(centres, directions, ends, radii).distance, _RAYS)
+    each = contact.weight / len(centres) * jnp.minimum(distance, contact.limit) ** 2
+    return Contours(centres[chosen], directions[chosen]), jnp.where(distance > _EXPLAINED, each, 0.0)
 
 
 def score_limb(
@@ -93,13 +94,14 @@ def score_limb(
     objective: Objective,
     observed: Observed,
     limb: Limb,
-    points: Float[Array, "points 3"],
-    costs: Float[Array, " points"],
+    unexplained: Contours,
+    costs: Float[Array, " rays"],
 ) -> Scored:
-    """Score the table of one limb by hull, trunk and unexplained points."""
+    """Score the table of one limb by hull, trunk and unexplained outlines."""
     inside, collision = _term(objective, InsideHull), _term(objective, ArmCollision)
-    coverage = _term(objective, SurfaceCoverage)
+    contact = _term(objective, ContourContact)
     assert observed.field is not None
+    assert observed.contours is not None
     placed = place(body.skeleton, pose)
     parent, upper = (_segment(limb, part) for part in (0, 1))
     origin, turned = placed.origins[upper], placed.rotations[parent]
@@ -128,8 +130,9 @@ def score_limb(
     stops = jnp.stack([chosen[:, 1], chosen[:, 3], tip], 1)
     capsules = jnp.stack([starts, stops], 2)  # poses x 3 x 2 x 3
     capsule_radii = jnp.stack([radii[0], radii[0], radii[1], radii[3], radii[4], radii[4]]).reshape(3, 2)
-    distance = jax.vmap(lambda ends: nearest_capsule(points, ends, capsule_radii)[1])(capsules)
-    scale = coverage.weight / len(jnp.asarray(observed.surface))
+    rays = jnp.asarray(unexplained.centres), jnp.asarray(unexplained.directions)
+    distance = jax.vmap(lambda ends: nearest_to_rays(*rays, ends, capsule_radii).distance)(capsules)
+    scale = contact.weight / len(jnp.asarray(observed.contours.centres))
     left = jnp.minimum(costs[None], scale * jnp.maximum(distance, 0.0) ** 2)
     _, best = _cheapest(cost + left.sum(1), _BEST)
     joints = chosen[best][:, np.array([1, 4], np.int32)] - origin[None, None]

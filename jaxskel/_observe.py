@@ -10,7 +10,9 @@ from jaxtyping import Bool, Float, Int, UInt8
 
 from ._camera import Cameras
 from ._carve import carve
+from ._contours import contours
 from ._descriptors import MAX_ENDS, describe_ends
+from ._field import hull_volumes
 from ._graph import SkeletalGraph, limit_ends, prune
 from ._hull import VisualHulls
 from ._limbs import Limbs, label_limbs
@@ -22,6 +24,7 @@ from ._settings import Settings
 from ._sides import tell_sides
 from ._skeleton import Skeleton
 from ._views import MIN_VIEWS, lost_views, silhouette_areas
+from .terms import Observed
 
 Stopwatch = Callable[[str], AbstractContextManager[Any]]
 """Called with the name of a stage, gives a context that lasts as long as the stage."""
@@ -89,3 +92,18 @@ def see_people(
         hulls = people.hulls[frames]
         graphs = skeletal_graphs(hulls, settings.root.roots(hulls, prepared.skeleton), settings.min_branch)
     return Seen(status, frames, lost, hulls, graphs)
+
+
+def observed_graph(limbs: Limbs) -> Observed:
+    """What the labelled graph alone says."""
+    return Observed(limbs.paths, limbs.found, limbs.neck, limbs.pelvis)
+
+
+def observed_volume(
+    limbs: Limbs, seen: Seen, silhouettes: UInt8[np.ndarray, "frames cams h w8"], cameras: Cameras
+) -> Observed:
+    """What graph, hull and outlines say: of the frames with a person, of whom there must be one."""
+    assert seen.hulls is not None
+    field, surface = hull_volumes(seen.hulls)
+    outlines = contours(silhouettes[seen.frames], cameras, seen.lost[seen.frames])
+    return Observed(limbs.paths, limbs.found, limbs.neck, limbs.pelvis, field, surface, outlines)

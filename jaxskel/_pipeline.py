@@ -12,11 +12,10 @@ from jaxtyping import Bool, UInt8
 from ._carve import FRAMES_PER_WORD
 from ._confidence import joint_confidence
 from ._descriptors import template_ends
-from ._field import hull_volumes
 from ._graph import SkeletalGraph
 from ._initialise import initial_poses
 from ._limbs import L_FOOT, R_FOOT, Limbs
-from ._observe import Seen, Stopwatch, labelled_limbs, see_people
+from ._observe import Stopwatch, labelled_limbs, observed_graph, observed_volume, see_people
 from ._poses import Poses, Status, join_poses
 from ._prepare import prepare
 from ._prepared import Prepared
@@ -55,13 +54,13 @@ def reconstruct_batch(
     if len(good):
         with stopwatch("match"):
             limbs, facing, side_confidence = labelled_limbs(seen.graphs, prepared.skeleton, settings)
-        observed = Observed(limbs.paths, limbs.found, limbs.neck, limbs.pelvis)
         if settings.search is None:
+            observed = observed_graph(limbs)
             plausible = _plausible(seen.graphs, limbs, prepared.skeleton)
             initial = initial_poses(limbs, facing, prepared.skeleton)
         else:
             with stopwatch("search"):
-                observed = _with_volume(observed, seen)
+                observed = observed_volume(limbs, seen, silhouettes, cameras)
                 starts = start_poses(limbs, facing, prepared.skeleton)
                 found = solve_frames(make_model(prepared.body), settings.search, starts, observed)
                 plausible = found.cost[:, 0] < _MOST_COST
@@ -109,12 +108,6 @@ def reconstruct(recording: Recording, settings: Settings | None = None) -> Poses
         joints and a status that says why; it does not harm the others.
     """
     return join_poses(reconstruct_batches(recording, settings))
-
-
-def _with_volume(observed: Observed, seen: Seen) -> Observed:
-    assert seen.hulls is not None
-    field, surface = hull_volumes(seen.hulls)
-    return Observed(observed.paths, observed.found, observed.neck, observed.pelvis, field, surface)
 
 
 def _refined(initial: Pose, observed: Observed, prepared: Prepared, settings: Settings) -> Refined:

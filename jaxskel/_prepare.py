@@ -8,9 +8,8 @@ from ._body import make_body
 from ._calibrate import calibrate
 from ._camera import Cameras
 from ._carve import FRAMES_PER_WORD, projection_table
-from ._field import hull_volumes
 from ._grid import make_grid
-from ._observe import labelled_limbs, see_people
+from ._observe import labelled_limbs, observed_volume, see_people
 from ._person import observed_edge
 from ._placement import place_grid
 from ._prepared import Prepared
@@ -21,7 +20,6 @@ from ._starts import start_poses
 from ._stature import estimate_stature
 from ._views import lost_views, silhouette_areas
 from ._votes import judge_misses
-from .terms import Observed
 
 _SUBJECT_FRAMES = 24
 # A body is not calibrated on fewer frames than this: one wrong pose would bend it.
@@ -82,7 +80,6 @@ def _with_subject(
     if not calibrating or len(seen.frames) < _LEAST_FRAMES or seen.hulls is None:
         return prepared
     limbs, facing, _ = labelled_limbs(seen.graphs, prepared.skeleton, settings)
-    field, surface = hull_volumes(seen.hulls)
-    observed = Observed(limbs.paths, limbs.found, limbs.neck, limbs.pelvis, field, surface)
+    observed = observed_volume(limbs, seen, silhouettes[chosen], cameras)
     body = calibrate(prepared.body, start_poses(limbs, facing, prepared.skeleton), observed, settings.search)
     return eqx.tree_at(lambda p: p.body, prepared, body)

@@ -183,7 +183,7 @@ def _fitted(
 ) -> tuple[Pose, Float[Array, "frames hypotheses"]]:
     def fit(pose: Pose, observed: Observed) -> tuple[Pose, Array]:
         def step(number: Array, pose: Pose) -> Pose:
-            scaled = eqx.tree_at(lambda o: o.terms["coverage"].scale, objective, scales[0][number])
+            scaled = eqx.tree_at(lambda o: o.terms["contours"].scale, objective, scales[0][number])
             return descend(scaled, _HINGED, skeleton, pose, observed)
 
         pose = jax.lax.fori_loop(0, scales[1], step, pose)

@@ -40,7 +40,7 @@ TERMS = {
     "graph": (GraphAttraction(), pose_of(2), (10, 5, 3)),
     "end nodes": (EndNodeAttraction(), pose_of(2), (5, 3)),
     "inner nodes": (InnerNodeAttraction(), pose_of(2), (2, 3)),
-    "rest": (RestPrior(), rigid_pose(), (16, 3, 3)),
+    "rest": (RestPrior(), rigid_pose(), (16, 4)),
     "custom": (HandsTogether(length=held_stick()), pose_of(2), ()),
 }
 

@@ -11,6 +11,7 @@ from ._base import Objective as Objective
 from ._base import Observed as Observed
 from ._base import PlacedBody as PlacedBody
 from ._base import place as place
+from ._contour_contact import ContourContact as ContourContact
 from ._end_nodes import EndNodeAttraction as EndNodeAttraction
 from ._graph_attraction import GraphAttraction as GraphAttraction
 from ._hinges import HingeLimits as HingeLimits
@@ -38,15 +39,15 @@ def paper_objective() -> Objective:
 
 
 def volume_objective(body: Body) -> Objective:
-    """Fit a body with volume to the hull: its surface covers the hull's, it stays inside, limbs bend as they can.
+    """Fit a body with volume to outlines and hull: it touches the outlines, stays inside, and bends as limbs can.
 
-    Needs ``observed.field`` and ``observed.surface``, see `jaxskel.hull_volume`; uses no labels of the graph, so it
-    needs a pose to start from in which each limb is nearer to its own part of the hull than to another. Weights as in
-    `paper_objective`: the cost of a well explained frame is of the order of ten.
+    Needs ``observed.field`` and ``observed.contours``; uses no labels of the graph, so it needs a pose to start from in
+    which each limb is nearer to its own part of the outlines than to another. Weights as in `paper_objective`: the cost
+    of a well explained frame is of the order of ten.
     """
     return Objective(
         {
-            "coverage": SurfaceCoverage(body=body, weight=1.2e5),
+            "contours": ContourContact(body=body, weight=1.2e5),
             "inside": InsideHull(body=body, weight=7e4),
             "collision": ArmCollision(body=body, weight=400.0),
             "hinges": HingeLimits(skeleton=body.skeleton, weight=40.0),

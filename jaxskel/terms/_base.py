@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
+from .._contours import Contours
 from .._field import DistanceField
 from .._skeleton import Pose, Skeleton, place_segments
 
@@ -35,8 +36,10 @@ class Observed(eqx.Module):
     pelvis: Float[Array | np.ndarray, "*frames 3"]
     field: DistanceField | None = None
     """Signed distance to the hull's surface, for the terms that look at the volume."""
-    surface: Float[Array | np.ndarray, "*frames points 3"] | None = None
+    surface: Float[Array | np.ndarray, "*frames samples 3"] | None = None
     """Points on the hull's surface (m), for the same terms."""
+    contours: Contours | None = None
+    """Viewing rays through the outlines of the silhouettes."""
 
 
 def place(skeleton: Skeleton, pose: Pose) -> PlacedBody:

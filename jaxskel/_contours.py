@@ -1,0 +1,71 @@
+"""What the silhouettes' outlines say to a body with volume: viewing rays that graze it."""
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Array, Bool, Float, UInt8
+
+from ._camera import Cameras, rays
+from ._recording import unpack_silhouettes
+
+
+class Contours(eqx.Module):
+    """Viewing rays through points of the silhouettes' outlines, of all views of a frame together.
+
+    A true outline's rays graze the body: unlike the hull's surface, they say nothing about what no view can tell.
+    """
+
+    centres: Float[Array | np.ndarray, "*frames rays 3"]
+    """A point on each ray: the optical centre of its camera (m)."""
+    directions: Float[Array | np.ndarray, "*frames rays 3"]
+    """Unit vectors."""
+
+
+def contours(
+    silhouettes: UInt8[np.ndarray, "frames cams h w8"],
+    cameras: Cameras,
+    lost: Bool[np.ndarray, "frames cams"],
+    count: int = 1200,
+) -> Contours:
+    """Rays through the outlines of some frames' silhouettes, the same number from each view.
+
+    An outline runs half-way between pixels of person and background. Where a view is cut off by the edge of its image
+    there is no outline. Points are drawn without order but always the same.
+
+    Args:
+        silhouettes: Packed bits.
+        cameras: The rig.
+        lost: Views that are left out.
+        count: Number of rays of a frame; where there are fewer points, some are given twice, and where there are none
+            at all, all rays are NaN.
+    """
+    centres = cameras.centres
+    width = 8 * silhouettes.shape[3]
+    found = Contours(*(np.full((len(silhouettes), count, 3), np.nan, np.float32) for _ in range(2)))
+    for frame, (views, gone) in enumerate(zip(silhouettes, lost, strict=True)):
+        points = [
+            (camera, _outline(unpack_silhouettes(views[camera], width)[: size[1], : size[0]]))
+            for camera, size in enumerate(cameras.size)
+            if not gone[camera]
+        ]
+        points = [(camera, outline) for camera, outline in points if len(outline)]
+        shares = np.diff(np.linspace(0, count, len(points) + 1).astype(int)) if points else []
+        first = 0
+        for (camera, outline), share in zip(points, shares, strict=True):
+            chosen = outline[np.resize(np.random.default_rng(0).permutation(len(outline))[:share], share)]
+            found.centres[frame, first : first + share] = centres[camera]
+            found.directions[frame, first : first + share] = rays(cameras, camera, chosen)
+            first += share
+    return found
+
+
+def _outline(mask: Bool[np.ndarray, "h w"]) -> Float[np.ndarray, "n 2"]:
+    """Points (u, v) between neighbouring pixels of which one is person, the other background (px)."""
+    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+    if len(rows) == 0:
+        return np.zeros((0, 2))
+    top, left = max(rows[0] - 1, 0), max(columns[0] - 1, 0)
+    near = mask[top : rows[-1] + 2, left : columns[-1] + 2]
+    v, u = np.nonzero(near[:, 1:] ^ near[:, :-1])
+    beside = np.stack([u + 0.5, v], 1)
+    v, u = np.nonzero(near[1:] ^ near[:-1])
+    return np.concatenate([beside, np.stack([u, v + 0.5], 1)]) + [left, top]

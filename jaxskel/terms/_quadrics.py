@@ -1,0 +1,66 @@
+"""Sums of squared distances between capsules and whatever they should touch, as one quadric for each capsule."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+_PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+_SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]], np.int32)
+
+
+class Quadrics(eqx.Module):
+    """Weighted squared distances, linearised in the ends of the capsules.
+
+    However many points there are, six rows for each capsule hold all that a step of Gauss-Newton can know of them.
+    """
+
+    ends: Float[Array, "capsules 6"]
+    """Where the capsules' two ends were (m)."""
+    rows: Float[Array, "capsules 6 6"]
+    goal: Float[Array, "capsules 6"]
+    left: Float[Array, ""]
+    """Root of what no displacement of the ends can take away (m)."""
+
+    def residual(self, ends: Float[Array, "capsules 2 3"]) -> Float[Array, " rows"]:
+        """Residual (m) at other ends; its squared norm is the weighted sum of the squared distances."""
+        rows = jnp.einsum("cij,cj->ci", self.rows, ends.reshape(-1, 6) - self.ends) - self.goal
+        return jnp.append(rows.ravel(), self.left)
+
+
+def make_quadrics(
+    ends: Float[Array, "capsules 2 3"],
+    which: Int[Array, " points"],
+    part: Float[Array, " points"],
+    normal: Float[Array, "points 3"],
+    distance: Float[Array, " points"],
+    weight: Float[Array, " points"],
+) -> Quadrics:
+    """Sum up by capsule.
+
+    Args:
+        ends: Of the capsules (m).
+        which: The capsule of each point.
+        part: Where along its axis (0..1).
+        normal: Unit vector from there to the point: moving the ends by (a, b) shortens the distance by
+            (1 - part) normal . a + part normal . b.
+        distance: Signed distance from the capsule's surface (m).
+        weight: Of the squared distance.
+    """
+    shares = jnp.stack([(1 - part) ** 2, part * (1 - part), part**2])
+    pairs = jnp.stack([normal[:, i] * normal[:, j] for i, j in _PAIRS])
+    columns = (shares[:, None] * pairs[None]).reshape(18, -1)
+    vector = (distance[None] * jnp.stack([1 - part, part]))[:, None] * normal.T[None]
+    columns = jnp.concatenate([columns, vector.reshape(6, -1)]) * weight[None]
+    member = (which[None] == jnp.arange(len(ends), dtype=jnp.int32)[:, None]).astype(columns.dtype)
+    sums = jnp.einsum("cp,kp->ck", member, columns)
+    blocks = sums[:, :18].reshape(-1, 3, 6)[:, :, _SYMMETRIC]  # capsules x shares x 3 x 3
+    first, mixed, last = blocks[:, 0], blocks[:, 1], blocks[:, 2]
+    matrix = jnp.concatenate([jnp.concatenate([first, mixed], 2), jnp.concatenate([mixed, last], 2)], 1)
+    vector = sums[:, 18:]
+    # A capsule's twist, and what no point lies on, are seen by nothing.
+    lower = jnp.linalg.cholesky(matrix + 1e-6 * jnp.eye(6)[None])
+    goal = jax.vmap(lambda a, b: jax.scipy.linalg.solve_triangular(a, b, lower=True))(lower, vector)
+    left = jnp.maximum((weight * distance**2).sum() - (goal**2).sum(), 0.0)
+    return Quadrics(ends.reshape(-1, 6), lower.swapaxes(1, 2), goal, jnp.sqrt(left + 1e-12))
