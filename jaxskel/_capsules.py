@@ -106,40 +106,40 @@ def nearest_to_rays(
 
     Seen along the ray a capsule is a segment of the plane, and the ray a point: `capsule_distance` in the plane.
     """
-    first, second = (_components(axis) for axis in _across(directions))
+    axes = tuple(_components(axis) for axis in _across(directions))
     components = _components(centres)
 
-    def seen(ends: tuple[Array, ...]) -> tuple[Array, Array]:
-        away = tuple(end - centre for end, centre in zip(ends, components, strict=True))
-        x, y = (away[0] * axis[0] + away[1] * axis[1] + away[2] * axis[2] for axis in (first, second))
-        return x, y
-
-    def one(number: Array, best: tuple[Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array]:
-        start, stop = (seen(_components(ends[number, end][None])) for end in (0, 1))
+    def graze(ends: Array, radii: Array) -> tuple[Array, Array, Array, Array]:
+        start, stop = (_seen(_components(ends[..., end, :]), components, axes) for end in (0, 1))
         along = stop[0] - start[0], stop[1] - start[1]
         squared = along[0] * along[0] + along[1] * along[1] + 1e-9
         part = jnp.clip(-(start[0] * along[0] + start[1] * along[1]) / squared, 0.0, 1.0)
         x, y = start[0] + part * along[0], start[1] + part * along[1]
         apart = jnp.sqrt(x * x + y * y + _SMALL)
-        distance = apart - radii[number, 0] - part * (radii[number, 1] - radii[number, 0])
-        nearer = distance < best[1]
-        return (
-            jnp.where(nearer, number, best[0]),
-            jnp.where(nearer, distance, best[1]),
-            jnp.where(nearer, part, best[2]),
-            jnp.where(nearer[None], jnp.stack([x, y]) / apart[None], best[3]),
-        )
+        return apart - radii[..., 0] - part * (radii[..., 1] - radii[..., 0]), part, x / apart, y / apart
 
-    count, kind = len(centres), centres.dtype
-    best = (
-        jnp.zeros(count, jnp.int32),
-        jnp.full(count, jnp.inf, kind),
-        jnp.zeros(count, kind),
-        jnp.zeros((2, count), kind),
-    )
-    capsule, distance, part, (x, y) = jax.lax.fori_loop(0, len(ends), one, best)
-    normal = -jnp.stack([x * a + y * b for a, b in zip(first, second, strict=True)], -1)
+    def one(number: Array, best: tuple[Array, Array]) -> tuple[Array, Array]:
+        distance = graze(ends[number][None], radii[number][None])[0]
+        nearer = distance < best[1]
+        return jnp.where(nearer, number, best[0]), jnp.where(nearer, distance, best[1])
+
+    start = jnp.zeros(len(centres), jnp.int32), jnp.full(len(centres), jnp.inf, centres.dtype)
+    capsule, distance = jax.lax.fori_loop(0, len(ends), one, start)
+    # The loop runs ten times faster if it carries no more than it must.
+    _, part, x, y = graze(ends[capsule], radii[capsule])
+    normal = -jnp.stack([x * a + y * b for a, b in zip(*axes, strict=True)], -1)
     return Grazed(capsule, distance, part, normal)
+
+
+def _seen(
+    points: tuple[Float[Array, "..."], ...],
+    centres: tuple[Float[Array, " rays"], ...],
+    axes: tuple[tuple[Float[Array, " rays"], ...], ...],
+) -> tuple[Float[Array, " rays"], Float[Array, " rays"]]:
+    """Coordinates of points in the planes across the rays (m)."""
+    away = tuple(point - centre for point, centre in zip(points, centres, strict=True))
+    x, y = (away[0] * axis[0] + away[1] * axis[1] + away[2] * axis[2] for axis in axes)
+    return x, y
 
 
 def _across(directions: Float[Array, "rays 3"]) -> tuple[Float[Array, "rays 3"], Float[Array, "rays 3"]]:
