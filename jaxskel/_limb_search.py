@@ -20,7 +20,7 @@ from ._capsules import nearest_capsule, nearest_to_rays
 from ._contours import Contours
 from ._limb_table import LimbTable
 from ._skeleton import SEGMENT_NAMES, Pose
-from .terms import AbstractTerm, ArmCollision, ContourContact, InsideHull, Objective, Observed, place
+from .terms import AbstractTerm, ArmCollision, ContourContact, InsideSilhouettes, Objective, Observed, place
 
 _Term = TypeVar("_Term", bound=AbstractTerm)
 
@@ -98,9 +98,8 @@ def score_limb(
     costs: Float[Array, " rays"],
 ) -> Scored:
     """Score the table of one limb by hull, trunk and unexplained outlines."""
-    inside, collision = _term(objective, InsideHull), _term(objective, ArmCollision)
+    inside, collision = _term(objective, InsideSilhouettes), _term(objective, ArmCollision)
     contact = _term(objective, ContourContact)
-    assert observed.field is not None
     assert observed.contours is not None
     placed = place(body.skeleton, pose)
     parent, upper = (_segment(limb, part) for part in (0, 1))
@@ -110,8 +109,9 @@ def score_limb(
     samples = origin[None, None] + table @ turned.T
 
     each = _SAMPLES * inside.weight / (len(body.links) * 3)
-    out = jnp.maximum(observed.field.at(samples) + inside.share * radii[None], 0.0)
-    outside = each * jnp.minimum(out**2, inside.scale**2).sum(1)
+    flat = samples.reshape(-1, 3)
+    out = inside.sticking_out(flat, jnp.tile(radii, len(samples)), observed)
+    outside = each * jnp.minimum(jnp.maximum(out, 0.0) ** 2, inside.scale**2).reshape(-1, len(radii)).sum(1)
     cost, index = _cheapest(outside, _INSIDE)
     if limb.kind == "arm":
         ends, capsule_radii = _capsules(

@@ -22,6 +22,7 @@ from ._prepared import Prepared
 from ._scoop import scoop
 from ._settings import Settings
 from ._sides import tell_sides
+from ._silhouette_distances import silhouette_distances
 from ._skeleton import Skeleton
 from ._views import MIN_VIEWS, lost_views, silhouette_areas
 from .terms import Observed
@@ -100,10 +101,11 @@ def observed_graph(limbs: Limbs) -> Observed:
 
 
 def observed_volume(
-    limbs: Limbs, seen: Seen, silhouettes: UInt8[np.ndarray, "frames cams h w8"], cameras: Cameras
+    limbs: Limbs, seen: Seen, silhouettes: UInt8[np.ndarray, "frames cams h w8"], cameras: Cameras, misses: int
 ) -> Observed:
     """What graph, hull and outlines say: of the frames with a person, of whom there must be one."""
     assert seen.hulls is not None
     field, surface = hull_volumes(seen.hulls)
     outlines = contours(silhouettes[seen.frames], cameras, seen.lost[seen.frames])
-    return Observed(limbs.paths, limbs.found, limbs.neck, limbs.pelvis, field, surface, outlines)
+    distances = silhouette_distances(silhouettes[seen.frames], cameras, seen.lost[seen.frames], misses)
+    return Observed(limbs.paths, limbs.found, limbs.neck, limbs.pelvis, field, surface, outlines, distances)

@@ -60,7 +60,7 @@ def reconstruct_batch(
             initial = initial_poses(limbs, facing, prepared.skeleton)
         else:
             with stopwatch("search"):
-                observed = observed_volume(limbs, seen, silhouettes, cameras)
+                observed = observed_volume(limbs, seen, silhouettes, cameras, prepared.max_misses)
                 starts = start_poses(limbs, facing, prepared.skeleton)
                 found = solve_frames(make_model(prepared.body), settings.search, starts, observed)
                 plausible = found.cost[:, 0] < _MOST_COST

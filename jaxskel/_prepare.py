@@ -80,6 +80,6 @@ def _with_subject(
     if not calibrating or len(seen.frames) < _LEAST_FRAMES or seen.hulls is None:
         return prepared
     limbs, facing, _ = labelled_limbs(seen.graphs, prepared.skeleton, settings)
-    observed = observed_volume(limbs, seen, silhouettes[chosen], cameras)
+    observed = observed_volume(limbs, seen, silhouettes[chosen], cameras, prepared.max_misses)
     body = calibrate(prepared.body, start_poses(limbs, facing, prepared.skeleton), observed, settings.search)
     return eqx.tree_at(lambda p: p.body, prepared, body)

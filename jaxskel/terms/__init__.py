@@ -17,6 +17,7 @@ from ._graph_attraction import GraphAttraction as GraphAttraction
 from ._hinges import HingeLimits as HingeLimits
 from ._inner_nodes import InnerNodeAttraction as InnerNodeAttraction
 from ._inside_hull import InsideHull as InsideHull
+from ._inside_silhouettes import InsideSilhouettes as InsideSilhouettes
 from ._rest_prior import RestPrior as RestPrior
 from ._rest_prior import firmness as firmness
 from ._surface_coverage import SurfaceCoverage as SurfaceCoverage
@@ -39,16 +40,16 @@ def paper_objective() -> Objective:
 
 
 def volume_objective(body: Body) -> Objective:
-    """Fit a body with volume to outlines and hull: it touches the outlines, stays inside, and bends as limbs can.
+    """Fit a body with volume to the silhouettes: it touches their outlines, stays inside, and bends as limbs can.
 
-    Needs ``observed.field`` and ``observed.contours``; uses no labels of the graph, so it needs a pose to start from in
-    which each limb is nearer to its own part of the outlines than to another. Weights as in `paper_objective`: the cost
+    Needs ``observed.contours`` and ``observed.silhouettes``; uses no labels of the graph, so it needs a pose to start
+    from in which each limb is nearer to its own part of the outlines than to another. Weights as in `paper_objective`: the cost
     of a well explained frame is of the order of ten.
     """
     return Objective(
         {
             "contours": ContourContact(body=body, weight=1.2e5),
-            "inside": InsideHull(body=body, weight=7e4),
+            "inside": InsideSilhouettes(body=body, weight=7e4),
             "collision": ArmCollision(body=body, weight=400.0),
             "hinges": HingeLimits(skeleton=body.skeleton, weight=40.0),
             "rest": RestPrior(

@@ -9,6 +9,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from .._contours import Contours
 from .._field import DistanceField
+from .._silhouette_distances import SilhouetteDistances
 from .._skeleton import Pose, Skeleton, place_segments
 
 
@@ -40,6 +41,8 @@ class Observed(eqx.Module):
     """Points on the hull's surface (m), for the same terms."""
     contours: Contours | None = None
     """Viewing rays through the outlines of the silhouettes."""
+    silhouettes: SilhouetteDistances | None = None
+    """Signed distance to each silhouette."""
 
 
 def place(skeleton: Skeleton, pose: Pose) -> PlacedBody:

@@ -1,0 +1,107 @@
+"""Signed distances to the silhouettes, view by view: where a body may be, as every single view sees it.
+
+A hull lets the poorest of its views decide: one hole in one mask is a tunnel through the person. Here each view speaks
+for itself, and a term can be robust to those that err.
+"""
+
+import cv2
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, UInt8
+
+from ._camera import Cameras, project
+from ._recording import unpack_silhouettes
+
+# Values stand this many to a side of the image at most: finer ones say the same.
+_MOST_CELLS = 320
+# Distances (px) are exact so far from the silhouette, and never larger.
+_FARTHEST = 40
+
+
+class SilhouetteDistances(eqx.Module):
+    """Signed distance from the outline of each silhouette on a regular grid of its image: negative on the person."""
+
+    values: Float[Array | np.ndarray, "*frames cams rows columns"]
+    """Distances (px)."""
+    step: Float[Array | np.ndarray, "*frames"]
+    """Distance of neighbouring values (px)."""
+    cameras: Cameras
+    """The rig, in the world worked in, with the same leading axes."""
+    misses: int = eqx.field(static=True)
+    """So many views may err at any point. Static: another number compiles again."""
+
+    def at(self, points: Float[Array, "points 3"]) -> Float[Array, "cams points"]:
+        """Distances at points of the world (m, at the depth of each point), for one frame.
+
+        Far inside (-1 m) where a view tells nothing: outside of its image, behind it, or where it has lost the person.
+        """
+        rows, columns = self.values.shape[-2:]
+        u, v, depth = (jnp.asarray(a) for a in project(self.cameras, points))
+        # Values stand at the middles of their cells.
+        x, y = ((a + 0.5) / self.step - 0.5 for a in (u, v))
+        seen = (x > -0.5) & (y > -0.5) & (x < columns - 0.5) & (y < rows - 0.5)  # false for NaN
+        x, y = jnp.where(seen, x, 0.0), jnp.where(seen, y, 0.0)
+        x, y = jnp.clip(x, 0.0, columns - 1.001), jnp.clip(y, 0.0, rows - 1.001)
+        column, row = jnp.floor(x).astype(jnp.int32), jnp.floor(y).astype(jnp.int32)
+        x, y = x - column, y - row
+        flat = jnp.asarray(self.values).reshape(-1)
+        view = jnp.arange(len(u), dtype=jnp.int32)[:, None] * (rows * columns)
+        first = view + row * columns + column
+
+        def corner(down: int, right: int) -> Array:
+            return flat.at[first + (down * columns + right)].get(mode="promise_in_bounds")
+
+        upper, lower = (corner(down, 0) * (1 - x) + corner(down, 1) * x for down in (0, 1))
+        focal = (self.cameras.K[:, 0, 0] + self.cameras.K[:, 1, 1])[:, None] / 2
+        return jnp.where(seen, (upper * (1 - y) + lower * y) * depth / focal, -1.0)
+
+
+def silhouette_distances(
+    silhouettes: UInt8[np.ndarray, "frames cams h w8"],
+    cameras: Cameras,
+    lost: Bool[np.ndarray, "frames cams"],
+    misses: int = 0,
+) -> SilhouetteDistances:
+    """Distances to the silhouettes of some frames.
+
+    Args:
+        silhouettes: Packed bits.
+        cameras: The rig.
+        lost: Views that show no person; they tell nothing.
+        misses: How many views may err, see `judge_misses`.
+    """
+    frames, views, height = silhouettes.shape[:3]
+    width = 8 * silhouettes.shape[3]
+    step = -(-max(height, width) // _MOST_CELLS)
+    shape = (frames, views, -(-height // step), -(-width // step))
+    values = np.full(shape, -1e3, np.float32)
+    for frame, view in zip(*np.nonzero(~lost), strict=True):
+        right, low = cameras.size[view]
+        cells = _signed(unpack_silhouettes(silhouettes[frame, view], width)[:low, :right], step)
+        values[frame, view, : len(cells), : cells.shape[1]] = cells
+    every = np.broadcast_to
+    stacked = Cameras(*(every(getattr(cameras, n), (frames, *getattr(cameras, n).shape))
+                        for n in ("K", "R", "t", "dist", "max_radius", "size")), names=cameras.names)  # fmt: skip
+    return SilhouetteDistances(values, np.full(frames, step, np.float32), stacked, misses)
+
+
+def _signed(mask: Bool[np.ndarray, "h w"], step: int) -> Float[np.ndarray, "rows columns"]:
+    """Means over cells of the image (px), exact near the person."""
+    height, width = (-(-n // step) for n in mask.shape)
+    found = np.full((height, width), _FARTHEST, np.float32)
+    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+    if len(rows) == 0:
+        return found
+    top, left = (max(line[0] - _FARTHEST, 0) // step for line in (rows, columns))
+    bottom, right = (min((line[-1] + _FARTHEST) // step + 1, n) for line, n in ((rows, height), (columns, width)))
+    near = mask[step * top : step * bottom, step * left : step * right].astype(np.uint8)
+    # A person who is cut off by the edge of the image goes on there, also where the last cell is not whole.
+    beyond = step * (bottom - top) - near.shape[0], step * (right - left) - near.shape[1]
+    near = cv2.copyMakeBorder(near, 0, beyond[0], 0, beyond[1], cv2.BORDER_REPLICATE)
+    # Half-way between two pixels the distance is zero.
+    signed = cv2.distanceTransform(1 - near, cv2.DIST_L2, 3) - cv2.distanceTransform(near, cv2.DIST_L2, 3)
+    signed = np.minimum(signed - 0.5 * np.sign(signed), _FARTHEST)
+    size = (right - left, bottom - top)
+    found[top:bottom, left:right] = cv2.resize(signed, size, interpolation=cv2.INTER_AREA)
+    return found
