@@ -43,8 +43,8 @@ def volume_objective(body: Body) -> Objective:
     """Fit a body with volume to the silhouettes: it touches their outlines, stays inside, and bends as limbs can.
 
     Needs ``observed.contours`` and ``observed.silhouettes``; uses no labels of the graph, so it needs a pose to start
-    from in which each limb is nearer to its own part of the outlines than to another. Weights as in `paper_objective`: the cost
-    of a well explained frame is of the order of ten.
+    from in which each limb is nearer to its own part of the outlines than to another. Weights as in `paper_objective`:
+    the cost of a well explained frame is of the order of ten.
     """
     return Objective(
         {
