@@ -29,7 +29,15 @@ _THINNEST = 0.010  # m
 _SCALES = fit_scales((0.04, 4))
 
 
-def calibrate(body: Body, starts: Pose, observed: Observed, search: Search | None = None) -> Body:
+class Calibrated(eqx.Module):
+    """A subject's body, and how well it explains the subject."""
+
+    body: Body
+    cost: float
+    """Of a typical frame, in the units of `volume_objective`."""
+
+
+def calibrate(body: Body, starts: Pose, fallback: Pose, observed: Observed, search: Search | None = None) -> Calibrated:
     """Fit the radii of a body, and the places of its balls, to the outlines of one subject in different poses.
 
     Poses and body are fitted in turns; left and right stay alike.
@@ -37,18 +45,21 @@ def calibrate(body: Body, starts: Pose, observed: Observed, search: Search | Non
     Args:
         body: Where to begin, see [`make_body`][jaxskel.make_body].
         starts: Poses to start from, with axes ``frames starts``.
+        fallback: Likewise, see `solve_frames`.
         observed: Fields of the hulls and outlines, with a leading axis ``frames``; 15 to 30 frames will do.
         search: How broad and how deep to search for the poses.
     """
     search = search or Search()
-    found = solve_frames(make_model(body), search, starts, observed)
+    found = solve_frames(make_model(body), search, starts, fallback, observed)
     used = np.flatnonzero(found.cost[:, 0] <= np.quantile(found.cost[:, 0], _USED))
     poses, seen = (jax.tree.map(lambda a: np.asarray(a)[used], tree) for tree in (found.first(1), observed))
+    typical = 0.0
     for _ in range(_ROUNDS):
         body = _updated(body, jax.tree.map(lambda a: a[:, 0], poses), seen.contours)
         model = make_model(body)
-        poses = fit_poses(model.objective, model.skeleton, poses, seen, _SCALES).poses
-    return body
+        fitted = fit_poses(model.objective, model.skeleton, poses, seen, _SCALES)
+        poses, typical = fitted.poses, float(np.median(fitted.cost))
+    return Calibrated(body, typical)
 
 
 def _updated(body: Body, poses: Pose, outlines: Contours) -> Body:

@@ -39,23 +39,29 @@ def contours(
             at all, all rays are NaN.
     """
     centres = cameras.centres
-    width = 8 * silhouettes.shape[3]
     found = Contours(*(np.full((len(silhouettes), count, 3), np.nan, np.float32) for _ in range(2)))
-    for frame, (views, gone) in enumerate(zip(silhouettes, lost, strict=True)):
-        points = [
-            (camera, _outline(unpack_silhouettes(views[camera], width)[: size[1], : size[0]]))
-            for camera, size in enumerate(cameras.size)
-            if not gone[camera]
+    for frame in range(len(silhouettes)):
+        views = [
+            (centres[camera], _rays(silhouettes[frame, camera], cameras, int(camera)))
+            for camera in np.flatnonzero(~lost[frame])
         ]
-        points = [(camera, outline) for camera, outline in points if len(outline)]
-        shares = np.diff(np.linspace(0, count, len(points) + 1).astype(int)) if points else []
+        views = [(centre, directions) for centre, directions in views if len(directions)]
+        shares = np.diff(np.linspace(0, count, len(views) + 1).astype(int)) if views else []
         first = 0
-        for (camera, outline), share in zip(points, shares, strict=True):
-            chosen = outline[np.resize(np.random.default_rng(0).permutation(len(outline))[:share], share)]
-            found.centres[frame, first : first + share] = centres[camera]
-            found.directions[frame, first : first + share] = rays(cameras, camera, chosen)
+        for (centre, directions), share in zip(views, shares, strict=True):
+            chosen = np.resize(np.random.default_rng(0).permutation(len(directions))[:share], share)
+            found.centres[frame, first : first + share] = centre
+            found.directions[frame, first : first + share] = directions[chosen]
             first += share
     return found
+
+
+def _rays(packed: UInt8[np.ndarray, "h w8"], cameras: Cameras, camera: int) -> Float[np.ndarray, "n 3"]:
+    """Directions of all points of an outline that the lens shows one-to-one."""
+    width, height = cameras.size[camera]
+    mask = unpack_silhouettes(packed, 8 * packed.shape[1])[:height, :width]
+    directions = rays(cameras, camera, _outline(mask))
+    return directions[np.isfinite(directions).all(1)]
 
 
 def _outline(mask: Bool[np.ndarray, "h w"]) -> Float[np.ndarray, "n 2"]:

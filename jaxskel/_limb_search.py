@@ -110,8 +110,7 @@ def score_limb(
 
     each = _SAMPLES * inside.weight / (len(body.links) * 3)
     flat = samples.reshape(-1, 3)
-    out = inside.sticking_out(flat, jnp.tile(radii, len(samples)), observed)
-    outside = each * jnp.minimum(jnp.maximum(out, 0.0) ** 2, inside.scale**2).reshape(-1, len(radii)).sum(1)
+    outside = each * inside.costs(flat, jnp.tile(radii, len(samples)), observed).reshape(-1, len(radii)).sum(1)
     cost, index = _cheapest(outside, _INSIDE)
     if limb.kind == "arm":
         ends, capsule_radii = _capsules(

@@ -17,6 +17,7 @@ from ._graph import SkeletalGraph, limit_ends, prune
 from ._hull import VisualHulls
 from ._limbs import Limbs, label_limbs
 from ._person import find_people, seen_whole
+from ._placement import body_middles
 from ._poses import Status
 from ._prepared import Prepared
 from ._scoop import scoop
@@ -107,5 +108,14 @@ def observed_volume(
     assert seen.hulls is not None
     field, surface = hull_volumes(seen.hulls)
     outlines = contours(silhouettes[seen.frames], cameras, seen.lost[seen.frames])
+    # Carving is sparing with misses, which make a hull fat; here the outlines say how thin the body is.
+    misses = misses + 1 if misses else 0
     distances = silhouette_distances(silhouettes[seen.frames], cameras, seen.lost[seen.frames], misses)
     return Observed(limbs.paths, limbs.found, limbs.neck, limbs.pelvis, field, surface, outlines, distances)
+
+
+def middles_of_people(
+    seen: Seen, silhouettes: UInt8[np.ndarray, "frames cams h w8"], cameras: Cameras
+) -> Float[np.ndarray, "people 3"]:
+    """The middle of each person as the silhouettes alone say it (m)."""
+    return body_middles(cameras, silhouettes[seen.frames], seen.lost[seen.frames])

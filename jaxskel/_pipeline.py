@@ -7,15 +7,16 @@ from typing import Any
 import equinox as eqx
 import jax
 import numpy as np
-from jaxtyping import Bool, UInt8
+from jaxtyping import Bool, Float, UInt8
 
+from ._body import Body
 from ._carve import FRAMES_PER_WORD
 from ._confidence import joint_confidence
 from ._descriptors import template_ends
 from ._graph import SkeletalGraph
 from ._initialise import initial_poses
 from ._limbs import L_FOOT, R_FOOT, Limbs
-from ._observe import Stopwatch, labelled_limbs, observed_graph, observed_volume, see_people
+from ._observe import Stopwatch, labelled_limbs, middles_of_people, observed_graph, observed_volume, see_people
 from ._poses import Poses, Status, join_poses
 from ._prepare import prepare
 from ._prepared import Prepared
@@ -23,8 +24,8 @@ from ._recording import Recording
 from ._refine import Refined, refine_frames
 from ._settings import Settings
 from ._skeleton import Pose, Skeleton
-from ._solve import make_model, solve_frames
-from ._starts import start_poses
+from ._solve import make_model, solve_frames, unexplained_shares
+from ._starts import start_poses, upright_poses
 from .terms import Observed
 
 BATCH = FRAMES_PER_WORD
@@ -33,8 +34,9 @@ BATCH = FRAMES_PER_WORD
 _LEG_TOLERANCE = 0.3
 # From a raised hand, which the highest voxel may be, the feet are at most half as far again as from the head.
 _FARTHEST = 1.6
-# A fit that costs more than this is of something else than the subject. Of whole persons the worst cost about 100.
-_MOST_COST = 150.0
+# A fit that leaves more of the outlines unexplained than this share is of something else than the subject. Holes and
+# blobs in poor masks leave about an eighth.
+_UNEXPLAINED = 0.4
 
 
 def reconstruct_batch(
@@ -62,9 +64,11 @@ def reconstruct_batch(
             with stopwatch("search"):
                 observed = observed_volume(limbs, seen, silhouettes, cameras, prepared.max_misses)
                 starts = start_poses(limbs, facing, prepared.skeleton)
-                found = solve_frames(make_model(prepared.body), settings.search, starts, observed)
-                plausible = found.cost[:, 0] < _MOST_COST
+                fallback = upright_poses(middles_of_people(seen, silhouettes, cameras), prepared.skeleton)
+                search = settings.search.relative_to(prepared.typical_cost)
+                found = solve_frames(make_model(prepared.body), search, starts, fallback, observed)
                 initial = jax.tree.map(lambda a: a[:, 0], found.poses)
+                plausible = _unexplained(initial, observed, prepared.body) < _UNEXPLAINED
         with stopwatch("refine"):
             refined = _refined(initial, observed, prepared, settings)
         status[good[~plausible]] = Status.NO_MATCH
@@ -121,6 +125,13 @@ def _refined(initial: Pose, observed: Observed, prepared: Prepared, settings: Se
     return jax.tree.map(lambda a: np.asarray(a)[:count], refined)
 
 
+def _unexplained(poses: Pose, observed: Observed, body: Body) -> Float[np.ndarray, " frames"]:
+    """Share of the outlines that lie outside of the body, and not near it."""
+    assert observed.contours is not None
+    shares = unexplained_shares(_single(body), _padded(poses), _padded(observed.contours))
+    return np.asarray(shares)[: len(poses.root)]
+
+
 def _plausible(graphs: list[SkeletalGraph], limbs: Limbs, skeleton: Skeleton) -> Bool[np.ndarray, " frames"]:
     """Is there at least one leg of about the template's length, and nothing much farther from the head?"""
     way = template_ends(skeleton)[0, [L_FOOT, R_FOOT]]
@@ -138,7 +149,7 @@ def _padded(tree: Any) -> Any:
     """Repeat the first frame up to `BATCH` frames, so that every batch has the same shapes."""
 
     def pad(a: np.ndarray) -> np.ndarray:
-        a = a if a.dtype == bool else np.asarray(a, np.float32)
+        a = a if a.dtype.kind in "bi" else np.asarray(a, np.float32)
         filler = np.zeros((1, *a.shape[1:]), a.dtype) if len(a) == 0 else a[:1]
         return np.concatenate([a, np.repeat(filler, BATCH - len(a), 0)])
 

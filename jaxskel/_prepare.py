@@ -1,5 +1,7 @@
 """Before the first frame: the grid, its projection, and what the recording tells about the subject."""
 
+from dataclasses import replace
+
 import equinox as eqx
 import numpy as np
 from jaxtyping import UInt8
@@ -9,14 +11,14 @@ from ._calibrate import calibrate
 from ._camera import Cameras
 from ._carve import FRAMES_PER_WORD, projection_table
 from ._grid import make_grid
-from ._observe import labelled_limbs, observed_volume, see_people
+from ._observe import labelled_limbs, middles_of_people, observed_volume, see_people
 from ._person import observed_edge
 from ._placement import place_grid
 from ._prepared import Prepared
 from ._recording import Recording, rotation_to_z_up
 from ._settings import Settings
 from ._skeleton import default_adult
-from ._starts import start_poses
+from ._starts import start_poses, upright_poses
 from ._stature import estimate_stature
 from ._views import lost_views, silhouette_areas
 from ._votes import judge_misses
@@ -57,7 +59,7 @@ def prepare(recording: Recording, settings: Settings) -> Prepared:
     known = recording.skeleton is not None
     skeleton = recording.skeleton or default_adult()
     body = settings.body or make_body(skeleton)
-    prepared = Prepared(to_z_up, table, edge, max_misses, skeleton, known, body)
+    prepared = Prepared(to_z_up, table, edge, max_misses, skeleton, known, body, None)
     return _with_subject(prepared, cameras, silhouettes, settings)
 
 
@@ -81,5 +83,7 @@ def _with_subject(
         return prepared
     limbs, facing, _ = labelled_limbs(seen.graphs, prepared.skeleton, settings)
     observed = observed_volume(limbs, seen, silhouettes[chosen], cameras, prepared.max_misses)
-    body = calibrate(prepared.body, start_poses(limbs, facing, prepared.skeleton), observed, settings.search)
-    return eqx.tree_at(lambda p: p.body, prepared, body)
+    starts = start_poses(limbs, facing, prepared.skeleton)
+    fallback = upright_poses(middles_of_people(seen, silhouettes[chosen], cameras), prepared.skeleton)
+    found = calibrate(prepared.body, starts, fallback, observed, settings.search)
+    return replace(prepared, body=found.body, typical_cost=found.cost)

@@ -25,3 +25,5 @@ class Prepared(eqx.Module):
     skeleton_is_known: bool
     body: Body
     """The template with flesh: calibrated, unless the paper's method needs none or too few frames show the subject."""
+    typical_cost: float | None
+    """Of a pose; None where the body is not calibrated."""

@@ -6,9 +6,10 @@ for itself, and a term can be robust to those that err.
 
 import cv2
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, UInt8
+from jaxtyping import Array, Bool, Float, Int, UInt8
 
 from ._camera import Cameras, project
 from ._recording import unpack_silhouettes
@@ -28,8 +29,8 @@ class SilhouetteDistances(eqx.Module):
     """Distance of neighbouring values (px)."""
     cameras: Cameras
     """The rig, in the world worked in, with the same leading axes."""
-    misses: int = eqx.field(static=True)
-    """So many views may err at any point. Static: another number compiles again."""
+    misses: Int[Array | np.ndarray, "*frames"]
+    """So many views may err at any point."""
 
     def at(self, points: Float[Array, "points 3"]) -> Float[Array, "cams points"]:
         """Distances at points of the world (m, at the depth of each point), for one frame.
@@ -80,10 +81,8 @@ def silhouette_distances(
         right, low = cameras.size[view]
         cells = _signed(unpack_silhouettes(silhouettes[frame, view], width)[:low, :right], step)
         values[frame, view, : len(cells), : cells.shape[1]] = cells
-    every = np.broadcast_to
-    stacked = Cameras(*(every(getattr(cameras, n), (frames, *getattr(cameras, n).shape))
-                        for n in ("K", "R", "t", "dist", "max_radius", "size")), names=cameras.names)  # fmt: skip
-    return SilhouetteDistances(values, np.full(frames, step, np.float32), stacked, misses)
+    stacked = jax.tree.map(lambda a: np.broadcast_to(a, (frames, *a.shape)), cameras)
+    return SilhouetteDistances(values, np.full(frames, step, np.float32), stacked, np.full(frames, misses, np.int32))
 
 
 def _signed(mask: Bool[np.ndarray, "h w"], step: int) -> Float[np.ndarray, "rows columns"]:

@@ -10,9 +10,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
-from ._body import BALL_NAMES, LINKS, Body, limb_capsules
+from ._body import BALL_NAMES, LINKS, Body, capsule_ends, limb_capsules
+from ._capsules import nearest_to_rays
+from ._contours import Contours
 from ._descend import descend
 from ._limb_search import Limb, best_pairs, best_single, score_limb, unexplained, with_limb
 from ._limb_table import arm_table, leg_table
@@ -28,6 +30,10 @@ _MOST_STEPS = 16  # of one fit
 _FRAMES, _AT_ONCE = 8, 4
 # A search that makes a pose cheaper by no more than this is not repeated.
 _GAIN = 0.3
+# An outline no farther from the body than this may be its own (m).
+_NEAR = 0.04
+# What is dear, relative to the typical cost: a share and an offset.
+_DEAR = 1.25, 6.0
 
 
 class Search(eqx.Module):
@@ -50,7 +56,13 @@ class Search(eqx.Module):
     again: int = 2
     """How often each arm is freed and searched for again, as long as that makes the pose cheaper."""
     dear: float = 45.0
-    """Where a pose costs more than this, the legs are searched for too."""
+    """Where a pose costs more than this, the legs are searched for too, and then everything from the fallback."""
+
+    def relative_to(self, typical: float | None) -> "Search":
+        """The same search, where what is dear for this subject in this recording is known from a typical cost."""
+        if typical is None:
+            return self
+        return eqx.tree_at(lambda s: s.dear, self, _DEAR[0] * typical + _DEAR[1])
 
 
 class Model(eqx.Module):
@@ -79,12 +91,17 @@ class Hypotheses(eqx.Module):
         """The cheapest few of each frame."""
         return jax.tree.map(lambda a: a[:, :count], self.poses)
 
-    def merged(self, other: "Hypotheses", where: Bool[np.ndarray, " frames"]) -> "Hypotheses":
-        """As many hypotheses as before, the cheapest of both; in frames that are not marked, those of before."""
-        cost = np.where(where[:, None], other.cost, np.inf)
-        both = _beside([self, Hypotheses(other.poses, cost)])
-        order = np.argsort(both.cost, 1, kind="stable")[:, : self.cost.shape[1]]
-        return both.ordered(order)
+    def merged(self, other: "Hypotheses", frames: Int[np.ndarray, " some"]) -> "Hypotheses":
+        """As many hypotheses as before, in some frames the cheapest of these and of `other`, which is of those only."""
+        both = _beside([_taken(self, frames), other])
+        best = both.ordered(np.argsort(both.cost, 1, kind="stable")[:, : self.cost.shape[1]])
+
+        def put(old: np.ndarray, new: np.ndarray) -> np.ndarray:
+            old = old.copy()
+            old[frames] = new
+            return old
+
+        return jax.tree.map(put, self, best)
 
     def ordered(self, order: Int[np.ndarray, "frames some"]) -> "Hypotheses":
         """Some of each frame's hypotheses, in an order of its own."""
@@ -103,19 +120,27 @@ def make_model(body: Body) -> Model:
     return Model(body, volume_objective(body), volume_objective(_single(armless)), limbs)
 
 
-def solve_frames(model: Model, search: Search, starts: Pose, observed: Observed) -> Hypotheses:
+def solve_frames(model: Model, search: Search, starts: Pose, fallback: Pose, observed: Observed) -> Hypotheses:
     """Search for the poses of some frames, each by itself.
 
     Args:
         model: The subject.
         search: How broad and how deep.
         starts: Poses to start from, with leading axes ``frames starts``.
+        fallback: Poses to start from where these lead to nothing that is cheap, likewise.
         observed: Fields and surfaces of the hulls, with a leading axis ``frames``.
 
     Returns:
         Poses with leading axes ``frames hypotheses``, the cheapest first.
     """
-    return _in_chunks(lambda starts, observed: _solve(model, search, starts, observed), starts, observed)
+    seen = Observed(observed.paths, observed.found, observed.neck, observed.pelvis, None, None, observed.contours,
+                    observed.silhouettes)  # fmt: skip
+    found = _searched(model, search, starts, seen)
+    dear = np.flatnonzero(found.cost[:, 0] > search.dear)
+    if len(dear):
+        other = _searched(model, search, _taken(fallback, dear), _taken(seen, dear))
+        found = found.merged(other, dear)
+    return found
 
 
 def fit_poses(
@@ -134,32 +159,48 @@ def fit_scales(*rounds: tuple[float, int]) -> tuple[Array, Array]:
     return jnp.asarray(np.resize(values, _MOST_STEPS)), jnp.asarray(len(values), jnp.int32)
 
 
-def _solve(model: Model, search: Search, starts: Pose, observed: Observed) -> Hypotheses:
-    everywhere = np.ones(len(starts.root), bool)
-    third, half = search.leg_steps // 3, search.steps // 2
+def _searched(model: Model, search: Search, starts: Pose, observed: Observed) -> Hypotheses:
+    half = search.steps // 2
     scales = fit_scales((0.06, half), (0.04, search.steps - half))
 
-    def fit(poses: Pose) -> Hypotheses:
-        return _fit(model.objective, model.skeleton, poses, observed, scales)
+    def again(
+        found: Hypotheses, frames: Int[np.ndarray, " some"], freed: Callable[[Pose, Observed], Pose]
+    ) -> Hypotheses:
+        """Free limbs of the best pose of some frames, fit what is proposed for them, and keep what is cheaper."""
+        if len(frames) == 0:
+            return found
+        other = _in_chunks(
+            lambda poses, part: _fit(model.objective, model.skeleton, freed(poses, part), part, scales),
+            _taken(found.first(1), frames), _taken(observed, frames),
+        )  # fmt: skip
+        return found.merged(other, frames)
 
+    found = _in_chunks(lambda starts, part: _first_found(model, search, starts, part, scales), starts, observed)
+    frames = np.arange(len(found.cost))
+    for turn in range(search.again):
+        before = found.cost[:, 0].copy()
+        if turn == 1:
+            dear = np.flatnonzero(before > search.dear)
+            found = again(found, dear, lambda poses, part: _with_pairs(model, poses, part, _LEGS, search.pairs))
+        for limb in _ARMS:
+            found = again(
+                found, frames, lambda poses, part, limb=limb: _with_single(model, poses, part, limb, search.singles)
+            )
+        frames = np.flatnonzero(found.cost[:, 0] < before - _GAIN)
+    return found
+
+
+def _first_found(
+    model: Model, search: Search, starts: Pose, observed: Observed, scales: tuple[Array, Array]
+) -> Hypotheses:
+    """Trunk, legs, then both arms at once."""
+    third = search.leg_steps // 3
     rough = fit_scales((0.08, search.rough_steps))
     trunks = _fit(model.trunk, model.skeleton, starts, observed, rough).first(search.starts)
     legs = fit_scales((0.08, search.leg_steps - third), (0.05, third))
     trunks = _fit(model.trunk, model.skeleton, trunks, observed, legs).first(search.trunks)
-    found = fit(_with_pairs(model, search, trunks, observed, _ARMS))
-    better = everywhere
-    for turn in range(search.again):
-        before = found.cost[:, 0]
-        if turn == 1:
-            dear = before > search.dear
-            if dear.any():
-                legs = _with_pairs(model, search, found.first(1), observed, _LEGS)
-                found = found.merged(fit(legs), dear)
-        for limb in _ARMS:
-            if better.any():
-                found = found.merged(fit(_with_single(model, search, found.first(1), observed, limb)), better)
-        better = found.cost[:, 0] < before - _GAIN
-    return found
+    armed = _with_pairs(model, trunks, observed, _ARMS, search.pairs)
+    return _fit(model.objective, model.skeleton, armed, observed, scales)
 
 
 def _fit(
@@ -175,6 +216,20 @@ def _fit(
         parts.append(jax.tree.map(lambda a, n=count: a[:, :n], Hypotheses(fitted, cost)))
     found = _beside(parts)
     return found.ordered(np.argsort(found.cost, 1, kind="stable"))
+
+
+@eqx.filter_jit
+def unexplained_shares(body: Body, poses: Pose, contours: Contours) -> Float[Array, " frames"]:
+    """Share of each frame's outlines that lie outside of the body, and not near it."""
+
+    def share(pose: Pose, contours: Contours) -> Array:
+        placed = place(body.skeleton, pose)
+        ends = jnp.asarray(capsule_ends(body, placed.origins, placed.rotations))
+        radii = jnp.asarray(body.radii)[body.links]
+        near = nearest_to_rays(jnp.asarray(contours.centres), jnp.asarray(contours.directions), ends, radii)
+        return (near.distance > _NEAR).mean()
+
+    return jax.vmap(share)(poses, contours)
 
 
 @eqx.filter_jit
@@ -195,14 +250,14 @@ def _fitted(
 
 
 @eqx.filter_jit
-def _with_pairs(model: Model, search: Search, poses: Pose, observed: Observed, names: tuple[str, str]) -> Pose:
-    """Free two limbs of each pose (axes ``frames poses``) and give them their best pairs (``frames poses*pairs``)."""
+def _with_pairs(model: Model, poses: Pose, observed: Observed, names: tuple[str, str], count: int) -> Pose:
+    """Free two limbs of each pose (axes ``frames poses``) and give them their best pairs (``frames poses*count``)."""
     limbs = tuple(model.limbs[name] for name in names)
 
     def one(pose: Pose, observed: Observed) -> Pose:
         points, costs = unexplained(model.body, pose, model.objective, observed, names)
         left, right = (score_limb(model.body, pose, model.objective, observed, limb, points, costs) for limb in limbs)
-        first, second = best_pairs(left, right, search.pairs)
+        first, second = best_pairs(left, right, count)
         return jax.vmap(lambda i, j: with_limb(with_limb(pose, limbs[0], i), limbs[1], j))(first, second)
 
     single = jax.tree.map(jnp.asarray, poses)
@@ -211,27 +266,31 @@ def _with_pairs(model: Model, search: Search, poses: Pose, observed: Observed, n
 
 
 @eqx.filter_jit
-def _with_single(model: Model, search: Search, poses: Pose, observed: Observed, name: str) -> Pose:
-    """Free one limb of each pose (axes ``frames 1``) and give it its best poses (axes ``frames singles``)."""
+def _with_single(model: Model, poses: Pose, observed: Observed, name: str, count: int) -> Pose:
+    """Free one limb of each pose (axes ``frames 1``) and give it its best poses (axes ``frames count``)."""
 
     def one(pose: Pose, observed: Observed) -> Pose:
         limb = model.limbs[name]
         points, costs = unexplained(model.body, pose, model.objective, observed, (name,))
         scored = score_limb(model.body, pose, model.objective, observed, limb, points, costs)
-        return jax.vmap(lambda index: with_limb(pose, limb, index))(best_single(scored, search.singles))
+        return jax.vmap(lambda index: with_limb(pose, limb, index))(best_single(scored, count))
 
     return jax.vmap(one)(jax.tree.map(lambda a: jnp.asarray(a[:, 0]), poses), observed)
 
 
-def _in_chunks(work: Callable[[Pose, Observed], Hypotheses], poses: Pose, observed: Observed) -> Hypotheses:
+def _in_chunks(work: Callable[[Any, Observed], Hypotheses], poses: Any, observed: Observed) -> Hypotheses:
     """Work on a fixed number of frames at a time, the last ones filled up with a frame that is there already."""
-    count = len(poses.root)
+    count = len(observed.neck)
     done = []
     for start in range(0, count, _FRAMES):
         frames = np.minimum(np.arange(start, start + _FRAMES), count - 1)
         part = jax.tree.map(lambda a, f=frames: np.asarray(a)[f], (poses, observed))
         done.append(work(*_single(part)))
     return jax.tree.map(lambda *parts: np.concatenate(parts)[:count], *done)
+
+
+def _taken(tree: Any, frames: Int[np.ndarray, " some"]) -> Any:
+    return jax.tree.map(lambda a: np.asarray(a)[frames], tree)
 
 
 def _beside(parts: list[Hypotheses]) -> Hypotheses:

@@ -1,4 +1,4 @@
-"""Where the search for a pose starts: the trunk from the graph's inner nodes, the legs from its feet, in eight ways."""
+"""Where the search for a pose starts: trunk and legs from the graph in eight ways; upright, where the graph fails."""
 
 import numpy as np
 from jaxtyping import Float
@@ -44,6 +44,21 @@ def start_poses(limbs: Limbs, facing: Float[np.ndarray, "frames 3"], skeleton: S
             poses.append(_pose(limbs.pelvis, spine, left, np.take_along_axis(feet, order[..., None], 1), skeleton))
     rotations = np.stack(poses, 1)
     return Pose(np.repeat(limbs.pelvis[:, None], STARTS, 1), rotations)
+
+
+def upright_poses(middles: Float[np.ndarray, "frames 3"], skeleton: Skeleton) -> Pose:
+    """Four poses a frame that need no graph: standing with the pelvis in the middle of the body, facing four ways.
+
+    Args:
+        middles: Middle of the body (m), see `body_middles`, in a world with z up.
+        skeleton: Template.
+
+    Returns:
+        Poses with axes ``frames starts=4``.
+    """
+    turns = np.stack([np.linalg.matrix_power(_LEFT_OF_FRONT, quarter) for quarter in range(4)])
+    rotations = np.repeat(turns[:, None], len(SEGMENT_NAMES), 1)
+    return Pose(np.repeat(middles[:, None], 4, 1), np.repeat(rotations[None], len(middles), 0))
 
 
 def _pose(

@@ -1,4 +1,4 @@
-"""Contact of a body with the outlines of silhouettes: the term on cases by hand or summed up densely, and its quadrics."""
+"""Contact of a body with outlines of silhouettes: the term by hand or summed up densely, and its quadrics."""
 
 import equinox as eqx
 import jax
@@ -93,7 +93,9 @@ def test_quadrics_are_dense_sums():
         part[41:51] = 1.0
         normal[51:], part[51:] = normal[51], part[51]
         quadrics = make_quadrics(
-            jnp.asarray(ends), jnp.asarray(which, jnp.int32), *(jnp.asarray(a) for a in (part, normal, distance, weight))
+            jnp.asarray(ends),
+            jnp.asarray(which, jnp.int32),
+            *(jnp.asarray(a) for a in (part, normal, distance, weight)),
         )
         for spread in (0.0, 0.1, 3.0):
             shift = spread * rng.normal(size=ends.shape)
@@ -130,7 +132,7 @@ def test_squared_norm_is_the_weighted_mean_and_stays_so_to_first_order(scattered
         @jax.jit
         def distances(unknowns):
             placed = place(skeleton, HINGED.pose(unknowns, base, skeleton))
-            ends = capsule_ends(term.body, placed.origins, placed.rotations)
+            ends = jnp.asarray(capsule_ends(term.body, placed.origins, placed.rotations))
             return nearest_to_rays(rays.centres, rays.directions, ends, radii).distance
 
         @jax.jit
@@ -204,7 +206,7 @@ def test_tangent_rays_cost_nothing_at_the_truth_only(seed):
     # Tapered capsules are not measured exactly: some millimetres where one is seen nearly end on.
     assert np.sqrt(cost(truth)) < 0.003
     assert float(jnp.linalg.norm(residual)) < 0.003
-    assert cost(Pose(truth.root + [0.02, 0.01, 0.0], truth.rotations)) > 5 * cost(truth)
+    assert cost(Pose(truth.root + np.array([0.02, 0.01, 0.0]), truth.rotations)) > 5 * cost(truth)
     for other in range(10, 14):
         assert cost(pose_of(other, 0.3)) > 50 * cost(truth)
 

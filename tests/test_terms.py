@@ -113,15 +113,29 @@ def test_costs_are_weighted_squared_norms():
 
 
 def test_rest_prior_by_hand():
-    # One segment turned by 1 rad: the squared norm of R - 1 is 4 (1 - cos 1), for it and for all that hang on it.
+    # A forearm turned by 1 rad about y, at rest otherwise: the hand, which is not turned, is by -1 rad against it.
     prior = RestPrior(firmness=firmness(hand=3.0, forearm=2.0, upper_arm=0.5))
     turned = Pose(np.zeros(3), np.tile(np.eye(3), (17, 1, 1)))
     turned.rotations[SEGMENT_NAMES.index("l_forearm")] = Rotation.from_euler("y", 1.0).as_matrix()
-    squares = (prior.residual(place(ADULT, turned), ideal_graph(ADULT, turned), None) ** 2).sum((1, 2))
+    residual = np.asarray(prior.residual(place(ADULT, turned), ideal_graph(ADULT, turned), None))
+    expected = np.zeros((17, 4))
+    expected[SEGMENT_NAMES.index("l_forearm")] = 2 * np.array([0, np.sin(1.0), 0, 1 - np.cos(1.0)])  # sqrt(2 * 2)
+    expected[SEGMENT_NAMES.index("l_hand")] = np.sqrt(6) * np.array([0, -np.sin(1.0), 0, 1 - np.cos(1.0)])
+    np.testing.assert_allclose(residual, expected[1:], atol=1e-5)
+
+
+@pytest.mark.parametrize("angle", [0.01, 0.5, 2.0, np.pi])
+def test_rest_prior_has_the_norm_of_the_difference_of_rotations(angle):
+    # Also of half a turn, whose sine says nothing, and whatever the parent's own rotation is.
+    pose = rigid_pose()
+    upper, lower = (SEGMENT_NAMES.index(name) for name in ("r_upper_arm", "r_forearm"))
+    turn = Rotation.from_rotvec(angle * np.array([0.48, -0.6, 0.64])).as_matrix()
+    pose.rotations[lower] = pose.rotations[upper] @ turn
+    residual = RestPrior(firmness=firmness(forearm=1.0)).residual(place(ADULT, pose), ideal_graph(ADULT, pose), None)
     expected = np.zeros(17)
-    expected[SEGMENT_NAMES.index("l_forearm")] = 2.0 * 4 * (1 - np.cos(1.0))
-    expected[SEGMENT_NAMES.index("l_hand")] = 3.0 * 4 * (1 - np.cos(1.0))
-    np.testing.assert_allclose(squares, expected[1:], atol=1e-5)
+    expected[lower] = np.linalg.norm(turn - np.eye(3))
+    np.testing.assert_allclose(np.linalg.norm(residual, axis=1), expected[1:], atol=1e-5)
+    np.testing.assert_allclose(expected[lower], 2 * np.sqrt(2) * np.sin(angle / 2))
 
 
 def test_firmness_names_both_sides():

@@ -6,7 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-_PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+"""Components of which a symmetric matrix is made."""
 _SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]], np.int32)
 
 
@@ -48,19 +49,55 @@ def make_quadrics(
         distance: Signed distance from the capsule's surface (m).
         weight: Of the squared distance.
     """
-    shares = jnp.stack([(1 - part) ** 2, part * (1 - part), part**2])
-    pairs = jnp.stack([normal[:, i] * normal[:, j] for i, j in _PAIRS])
-    columns = (shares[:, None] * pairs[None]).reshape(18, -1)
-    vector = (distance[None] * jnp.stack([1 - part, part]))[:, None] * normal.T[None]
-    columns = jnp.concatenate([columns, vector.reshape(6, -1)]) * weight[None]
-    member = (which[None] == jnp.arange(len(ends), dtype=jnp.int32)[:, None]).astype(columns.dtype)
-    sums = jnp.einsum("cp,kp->ck", member, columns)
+    pairs = jnp.stack([normal[:, i] * normal[:, j] for i, j in PAIRS]) * weight[None]
+    vector = (weight * distance)[None] * normal.T
+    rows = jnp.concatenate([_spread(pairs, _squares(part)), _spread(vector, _linear(part))])
+    member = (which[None] == jnp.arange(len(ends), dtype=jnp.int32)[:, None]).astype(rows.dtype)
+    return _from_sums(ends, jnp.einsum("cp,kp->ck", member, rows), (weight * distance**2).sum())
+
+
+def quadrics_of_samples(
+    ends: Float[Array, "capsules 2 3"],
+    part: Float[Array, " places"],
+    pairs: Float[Array, "6 samples"],
+    vector: Float[Array, "3 samples"],
+    squared: Float[Array, ""],
+) -> Quadrics:
+    """Sum up samples at the same places along each capsule, of which each has a quadric of its own.
+
+    Args:
+        ends: Of the capsules (m).
+        part: Where along each axis (0..1); samples go capsule by capsule, place by place.
+        pairs: Weighted products of the normal's components with each other, in the order of `PAIRS`.
+        vector: Weighted products of the distance (m) with the normal, which points from the capsule to the goal.
+        squared: Weighted sum of the squared distances (m^2).
+    """
+    along = jnp.tile(part, len(ends))
+    rows = jnp.concatenate([_spread(pairs, _squares(along)), _spread(vector, _linear(along))])
+    return _from_sums(ends, rows.reshape(len(rows), len(ends), len(part)).sum(2).T, squared)
+
+
+def _squares(part: Float[Array, " n"]) -> Float[Array, "3 n"]:
+    return jnp.stack([(1 - part) ** 2, part * (1 - part), part**2])
+
+
+def _linear(part: Float[Array, " n"]) -> Float[Array, "2 n"]:
+    return jnp.stack([1 - part, part])
+
+
+def _spread(numbers: Float[Array, "k n"], shares: Float[Array, "s n"]) -> Float[Array, "s*k n"]:
+    """Each number to the capsule's ends by their shares."""
+    return (shares[:, None] * numbers[None]).reshape(-1, numbers.shape[1])
+
+
+def _from_sums(
+    ends: Float[Array, "capsules 2 3"], sums: Float[Array, "capsules 24"], squared: Float[Array, ""]
+) -> Quadrics:
     blocks = sums[:, :18].reshape(-1, 3, 6)[:, :, _SYMMETRIC]  # capsules x shares x 3 x 3
     first, mixed, last = blocks[:, 0], blocks[:, 1], blocks[:, 2]
     matrix = jnp.concatenate([jnp.concatenate([first, mixed], 2), jnp.concatenate([mixed, last], 2)], 1)
-    vector = sums[:, 18:]
     # A capsule's twist, and what no point lies on, are seen by nothing.
     lower = jnp.linalg.cholesky(matrix + 1e-6 * jnp.eye(6)[None])
-    goal = jax.vmap(lambda a, b: jax.scipy.linalg.solve_triangular(a, b, lower=True))(lower, vector)
-    left = jnp.maximum((weight * distance**2).sum() - (goal**2).sum(), 0.0)
+    goal = jax.vmap(lambda a, b: jax.scipy.linalg.solve_triangular(a, b, lower=True))(lower, sums[:, 18:])
+    left = jnp.maximum(squared - (goal**2).sum(), 0.0)
     return Quadrics(ends.reshape(-1, 6), lower.swapaxes(1, 2), goal, jnp.sqrt(left + 1e-12))
