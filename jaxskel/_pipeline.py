@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from contextlib import nullcontext
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -25,7 +24,9 @@ from ._refine import Refined, refine_frames
 from ._settings import Settings
 from ._skeleton import Pose, Skeleton
 from ._solve import make_model, solve_frames, unexplained_shares
+from ._stacks import padded, single_precision
 from ._starts import start_poses, upright_poses
+from ._track import Track, track_frames
 from .terms import Observed
 
 BATCH = FRAMES_PER_WORD
@@ -45,8 +46,12 @@ def reconstruct_batch(
     prepared: Prepared,
     settings: Settings,
     stopwatch: Stopwatch = lambda _: nullcontext(),
-) -> Poses:
-    """Reconstruct up to `BATCH` frames. ``fps`` and ``frame_index`` of the result count from the batch's start."""
+    track: Track | None = None,
+) -> tuple[Poses, Track | None]:
+    """Reconstruct up to `BATCH` consecutive frames. ``fps`` and ``frame_index`` count from the batch's start.
+
+    Where the settings ask for tracking, the track of the frames before goes in, and the one to go on with comes out.
+    """
     count = len(silhouettes)
     joints, tips = np.full((count, 15, 3), np.nan, np.float32), np.full((count, 5, 3), np.nan, np.float32)
     confidence, sides = np.zeros((count, 15), np.float32), np.full(count, 0.5, np.float32)
@@ -65,9 +70,13 @@ def reconstruct_batch(
                 observed = observed_volume(limbs, seen, silhouettes, cameras, prepared.max_misses)
                 starts = start_poses(limbs, facing, prepared.skeleton)
                 fallback = upright_poses(middles_of_people(seen, silhouettes, cameras), prepared.skeleton)
-                search = settings.search.relative_to(prepared.typical_cost)
-                found = solve_frames(make_model(prepared.body), search, starts, fallback, observed)
-                initial = jax.tree.map(lambda a: a[:, 0], found.poses)
+                search, model = settings.search.relative_to(prepared.typical_cost), make_model(prepared.body)
+                if settings.tracking is None:
+                    initial = solve_frames(model, search, starts, fallback, observed).best
+                else:
+                    initial, _, track = track_frames(
+                        model, search, settings.tracking, recording.fps, track, starts, fallback, observed
+                    )
                 plausible = _unexplained(initial, observed, prepared.body) < _UNEXPLAINED
         with stopwatch("refine"):
             refined = _refined(initial, observed, prepared, settings)
@@ -81,7 +90,8 @@ def reconstruct_batch(
         back = prepared.to_z_up.T.astype(np.float32)
         joints[done], tips[done] = refined.joints[fitted] @ back.T, refined.tips[fitted] @ back.T
         confidence[done], sides[done] = trust[fitted], side_confidence[fitted]
-    return Poses(joints, tips, confidence, sides, status, recording.fps, recording.up, np.arange(count))
+    poses = Poses(joints, tips, confidence, sides, status, recording.fps, recording.up, np.arange(count))
+    return poses, track
 
 
 def reconstruct_batches(
@@ -93,9 +103,10 @@ def reconstruct_batches(
     """Reconstruct a recording batch by batch, in order: for long recordings and progress bars."""
     settings = settings or Settings()
     prepared = prepared or prepare(recording, settings)
+    track = None
     for start in range(0, len(recording), BATCH):
         part = slice(start, start + BATCH)
-        poses = reconstruct_batch(recording.silhouettes[part], recording, prepared, settings, stopwatch)
+        poses, track = reconstruct_batch(recording.silhouettes[part], recording, prepared, settings, stopwatch, track)
         yield eqx.tree_at(lambda p: p.frame_index, poses, recording.frame_index[part])
 
 
@@ -119,8 +130,8 @@ def _refined(initial: Pose, observed: Observed, prepared: Prepared, settings: Se
     count = len(initial.root)
     objective = settings.objective_for(prepared.body)
     refined = refine_frames(
-        _single(objective), settings.parametrisation, settings.solver, _single(prepared.skeleton), _padded(initial),
-        _padded(observed), settings.rounds, settings.max_steps,
+        single_precision(objective), settings.parametrisation, settings.solver, single_precision(prepared.skeleton),
+        padded(initial, BATCH), padded(observed, BATCH), settings.rounds, settings.max_steps,
     )  # fmt: skip
     return jax.tree.map(lambda a: np.asarray(a)[:count], refined)
 
@@ -128,7 +139,7 @@ def _refined(initial: Pose, observed: Observed, prepared: Prepared, settings: Se
 def _unexplained(poses: Pose, observed: Observed, body: Body) -> Float[np.ndarray, " frames"]:
     """Share of the outlines that lie outside of the body, and not near it."""
     assert observed.contours is not None
-    shares = unexplained_shares(_single(body), _padded(poses), _padded(observed.contours))
+    shares = unexplained_shares(single_precision(body), padded(poses, BATCH), padded(observed.contours, BATCH))
     return np.asarray(shares)[: len(poses.root)]
 
 
@@ -138,19 +149,3 @@ def _plausible(graphs: list[SkeletalGraph], limbs: Limbs, skeleton: Skeleton) ->
     legs = np.abs(limbs.lengths[:, [L_FOOT, R_FOOT]] / way - 1) < _LEG_TOLERANCE
     farthest = np.array([graph.depths.max() for graph in graphs])
     return (legs & limbs.found[:, [L_FOOT, R_FOOT]]).any(1) & (farthest < _FARTHEST * way.max())
-
-
-def _single(tree: Any) -> Any:
-    """Arrays in the precision that JAX computes in, so that the caller's precision does not compile again."""
-    return jax.tree.map(lambda a: a if a.dtype.kind in "bi" else np.asarray(a, np.float32), tree)
-
-
-def _padded(tree: Any) -> Any:
-    """Repeat the first frame up to `BATCH` frames, so that every batch has the same shapes."""
-
-    def pad(a: np.ndarray) -> np.ndarray:
-        a = a if a.dtype.kind in "bi" else np.asarray(a, np.float32)
-        filler = np.zeros((1, *a.shape[1:]), a.dtype) if len(a) == 0 else a[:1]
-        return np.concatenate([a, np.repeat(filler, BATCH - len(a), 0)])
-
-    return jax.tree.map(pad, tree)

@@ -13,6 +13,7 @@ from ._limbs import HANDLESS_DESCRIPTOR, PAPER_DESCRIPTOR
 from ._match import DtwMatcher, Matcher
 from ._refine import default_solver
 from ._solve import Search
+from ._track import Tracking
 from .parametrisations import ExactBones, HingedLimbs, Parametrisation
 from .terms import Objective, paper_objective, volume_objective
 
@@ -37,6 +38,8 @@ class Settings(eqx.Module):
     """Labels whose geodesics describe neck and pelvis (Eq. 5)."""
     search: Search | None = Search()
     """Poses to refine: searched for in the hull, or, where None, the one that the labelled graph gives."""
+    tracking: Tracking | None = None
+    """Follow the person from frame to frame instead of searching in every frame; needs a search."""
     body: Body | None = None
     """The subject's body, if it has been calibrated before; by default it is calibrated on the recording."""
     objective: Objective | Callable[[Body], Objective] = volume_objective

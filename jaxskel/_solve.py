@@ -19,6 +19,7 @@ from ._descend import descend
 from ._limb_search import Limb, best_pairs, best_single, score_limb, unexplained, with_limb
 from ._limb_table import arm_table, leg_table
 from ._skeleton import Pose, Skeleton
+from ._stacks import single_precision, taken
 from .parametrisations import HingedLimbs
 from .terms import Objective, Observed, place, volume_objective
 
@@ -62,7 +63,12 @@ class Search(eqx.Module):
         """The same search, where what is dear for this subject in this recording is known from a typical cost."""
         if typical is None:
             return self
-        return eqx.tree_at(lambda s: s.dear, self, _DEAR[0] * typical + _DEAR[1])
+        return eqx.tree_at(lambda s: s.dear, self, typical_dear(typical))
+
+
+def typical_dear(typical: float) -> float:
+    """What is dear where a frame typically costs so much."""
+    return _DEAR[0] * typical + _DEAR[1]
 
 
 class Model(eqx.Module):
@@ -87,13 +93,18 @@ class Hypotheses(eqx.Module):
     """Axes ``frames hypotheses``."""
     cost: Float[np.ndarray, "frames hypotheses"]
 
+    @property
+    def best(self) -> Pose:
+        """The cheapest of each frame, without the axis of hypotheses."""
+        return jax.tree.map(lambda a: a[:, 0], self.poses)
+
     def first(self, count: int) -> Pose:
         """The cheapest few of each frame."""
         return jax.tree.map(lambda a: a[:, :count], self.poses)
 
     def merged(self, other: "Hypotheses", frames: Int[np.ndarray, " some"]) -> "Hypotheses":
         """As many hypotheses as before, in some frames the cheapest of these and of `other`, which is of those only."""
-        both = _beside([_taken(self, frames), other])
+        both = _beside([taken(self, frames), other])
         best = both.ordered(np.argsort(both.cost, 1, kind="stable")[:, : self.cost.shape[1]])
 
         def put(old: np.ndarray, new: np.ndarray) -> np.ndarray:
@@ -111,13 +122,13 @@ class Hypotheses(eqx.Module):
 
 def make_model(body: Body) -> Model:
     """Prepare a subject for the search."""
-    body = _single(body)
+    body = single_precision(body)
     # Arms far thinner than nothing are nearest to no point and stick out of no hull: the same shapes with and without.
     arms = limb_capsules("l_arm", "r_arm")
     balls = np.setdiff1d(LINKS[arms], LINKS[~arms])
     armless = eqx.tree_at(lambda b: b.radii, body, np.where(np.isin(np.arange(len(BALL_NAMES)), balls), -9, body.radii))
     limbs = {name: Limb(name, (arm_table if name in _ARMS else leg_table)(body.skeleton, name[0])) for name in _LIMBS}
-    return Model(body, volume_objective(body), volume_objective(_single(armless)), limbs)
+    return Model(body, volume_objective(body), volume_objective(single_precision(armless)), limbs)
 
 
 def solve_frames(model: Model, search: Search, starts: Pose, fallback: Pose, observed: Observed) -> Hypotheses:
@@ -133,14 +144,19 @@ def solve_frames(model: Model, search: Search, starts: Pose, fallback: Pose, obs
     Returns:
         Poses with leading axes ``frames hypotheses``, the cheapest first.
     """
-    seen = Observed(observed.paths, observed.found, observed.neck, observed.pelvis, None, None, observed.contours,
-                    observed.silhouettes)  # fmt: skip
+    seen = lean(observed)
     found = _searched(model, search, starts, seen)
     dear = np.flatnonzero(found.cost[:, 0] > search.dear)
     if len(dear):
-        other = _searched(model, search, _taken(fallback, dear), _taken(seen, dear))
+        other = _searched(model, search, taken(fallback, dear), taken(seen, dear))
         found = found.merged(other, dear)
     return found
+
+
+def lean(observed: Observed) -> Observed:
+    """Without what the search does not look at: the fields of hulls are large."""
+    graph = observed.paths, observed.found, observed.neck, observed.pelvis
+    return Observed(*graph, None, None, observed.contours, observed.silhouettes)
 
 
 def fit_poses(
@@ -171,7 +187,7 @@ def _searched(model: Model, search: Search, starts: Pose, observed: Observed) ->
             return found
         other = _in_chunks(
             lambda poses, part: _fit(model.objective, model.skeleton, freed(poses, part), part, scales),
-            _taken(found.first(1), frames), _taken(observed, frames),
+            taken(found.first(1), frames), taken(observed, frames),
         )  # fmt: skip
         return found.merged(other, frames)
 
@@ -218,6 +234,20 @@ def _fit(
     return found.ordered(np.argsort(found.cost, 1, kind="stable"))
 
 
+def fit_hypothesis(
+    objective: Objective, skeleton: Skeleton, pose: Pose, observed: Observed, scales: tuple[Array, Array]
+) -> tuple[Pose, Float[Array, ""]]:
+    """Let one hypothesis of one frame descend; also what it costs then, infinite where that is no number."""
+
+    def step(number: Array, pose: Pose) -> Pose:
+        scaled = eqx.tree_at(lambda o: o.terms["contours"].scale, objective, scales[0][number])
+        return descend(scaled, _HINGED, skeleton, pose, observed)
+
+    pose = jax.lax.fori_loop(0, scales[1], step, pose)
+    cost = sum(objective.costs(place(skeleton, pose), observed).values(), jnp.zeros(()))
+    return pose, jnp.where(jnp.isfinite(cost), cost, jnp.inf)
+
+
 @eqx.filter_jit
 def unexplained_shares(body: Body, poses: Pose, contours: Contours) -> Float[Array, " frames"]:
     """Share of each frame's outlines that lie outside of the body, and not near it."""
@@ -237,13 +267,7 @@ def _fitted(
     objective: Objective, skeleton: Skeleton, poses: Pose, observed: Observed, scales: tuple[Array, Array]
 ) -> tuple[Pose, Float[Array, "frames hypotheses"]]:
     def fit(pose: Pose, observed: Observed) -> tuple[Pose, Array]:
-        def step(number: Array, pose: Pose) -> Pose:
-            scaled = eqx.tree_at(lambda o: o.terms["contours"].scale, objective, scales[0][number])
-            return descend(scaled, _HINGED, skeleton, pose, observed)
-
-        pose = jax.lax.fori_loop(0, scales[1], step, pose)
-        cost = sum(objective.costs(place(skeleton, pose), observed).values(), jnp.zeros(()))
-        return pose, jnp.where(jnp.isfinite(cost), cost, jnp.inf)
+        return fit_hypothesis(objective, skeleton, pose, observed, scales)
 
     single = jax.tree.map(jnp.asarray, poses)
     return jax.vmap(lambda poses, frame: jax.vmap(lambda pose: fit(pose, frame))(poses))(single, observed)
@@ -284,19 +308,9 @@ def _in_chunks(work: Callable[[Any, Observed], Hypotheses], poses: Any, observed
     done = []
     for start in range(0, count, _FRAMES):
         frames = np.minimum(np.arange(start, start + _FRAMES), count - 1)
-        part = jax.tree.map(lambda a, f=frames: np.asarray(a)[f], (poses, observed))
-        done.append(work(*_single(part)))
+        done.append(work(*single_precision(taken((poses, observed), frames))))
     return jax.tree.map(lambda *parts: np.concatenate(parts)[:count], *done)
-
-
-def _taken(tree: Any, frames: Int[np.ndarray, " some"]) -> Any:
-    return jax.tree.map(lambda a: np.asarray(a)[frames], tree)
 
 
 def _beside(parts: list[Hypotheses]) -> Hypotheses:
     return jax.tree.map(lambda *a: np.concatenate(a, 1), *parts)
-
-
-def _single(tree: Any) -> Any:
-    """Arrays in the precision that JAX computes in, so that the caller's precision does not compile again."""
-    return jax.tree.map(lambda a: a if a.dtype.kind in "bi" else np.asarray(a, np.float32), tree)

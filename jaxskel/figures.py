@@ -38,7 +38,7 @@ def stages_of(recording: Recording, prepared: Prepared, settings: Settings, fram
     if seen.hulls is None or not seen.graphs:
         return None
     limbs, _, _ = labelled_limbs(seen.graphs, prepared.skeleton, settings)
-    poses = reconstruct_batch(silhouettes, recording, prepared, settings)
+    poses, _ = reconstruct_batch(silhouettes, recording, prepared, settings)
     return Stages(seen.hulls, seen.graphs[0], limbs, poses.joints[0] @ prepared.to_z_up.T)
 
 

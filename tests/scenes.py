@@ -1,9 +1,22 @@
-"""Changes to a recording that the tests of the whole pipeline share."""
+"""Settings, and changes to a recording, that the tests of the whole pipeline share."""
+
+from dataclasses import replace
 
 import equinox as eqx
 import numpy as np
 
-from jaxskel import Recording, make_cameras, pack_silhouettes, unpack_silhouettes
+from jaxskel import (
+    HeadBall,
+    Matcher,
+    Recording,
+    Settings,
+    make_body,
+    make_cameras,
+    pack_silhouettes,
+    paper_settings,
+    unpack_silhouettes,
+)
+from jaxskel._limbs import HANDLESS_DESCRIPTOR
 
 
 def with_masks(recording: Recording, masks: np.ndarray) -> Recording:
@@ -31,3 +44,15 @@ def mirrored(recording: Recording) -> Recording:
     new = make_cameras(K, R, np.asarray(cameras.t) @ flip_image, cameras.size)
     masks = unpack_silhouettes(recording.silhouettes, width)[..., ::-1]
     return eqx.tree_at(lambda r: (r.cameras, r.silhouettes), recording, (new, pack_silhouettes(masks)))
+
+
+def with_known_body(recording: Recording) -> Settings:
+    """The default for an average adult of the recording's dimensions: nothing is calibrated, which takes its time."""
+    assert recording.skeleton is not None
+    return Settings(body=make_body(recording.skeleton))
+
+
+def graph_settings(matcher: Matcher | None = None) -> Settings:
+    """No search either: the pose of the graph that starts at the ball of the head, refined against the graph."""
+    settings = replace(paper_settings(), root=HeadBall(), descriptor=HANDLESS_DESCRIPTOR)
+    return settings if matcher is None else replace(settings, matcher=matcher)

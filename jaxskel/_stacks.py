@@ -1,0 +1,27 @@
+"""Stacks: trees of arrays with a leading axis, of frames mostly."""
+
+from typing import Any
+
+import jax
+import numpy as np
+from jaxtyping import Int
+
+
+def single_precision(tree: Any) -> Any:
+    """Arrays in the precision that JAX computes in, so that the caller's precision does not compile again."""
+    return jax.tree.map(lambda a: a if a.dtype.kind in "bi" else np.asarray(a, np.float32), tree)
+
+
+def taken(tree: Any, index: Int[np.ndarray, " some"]) -> Any:
+    """Some of a stack, in any order, also several times."""
+    return jax.tree.map(lambda a: np.asarray(a)[index], tree)
+
+
+def padded(tree: Any, length: int) -> Any:
+    """A stack filled up with its first member, so that every batch has the same shapes; in single precision."""
+
+    def pad(a: np.ndarray) -> np.ndarray:
+        filler = np.zeros((1, *a.shape[1:]), a.dtype) if len(a) == 0 else a[:1]
+        return np.concatenate([a, np.repeat(filler, length - len(a), 0)])
+
+    return jax.tree.map(pad, single_precision(tree))

@@ -1,0 +1,204 @@
+"""Poses of consecutive frames: each frame is fitted from the one before, full searches keep the track honest."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ._body import place_joints
+from ._skeleton import Pose
+from ._solve import Hypotheses, Model, Search, fit_hypothesis, fit_scales, lean, solve_frames, typical_dear
+from ._stacks import single_precision, taken
+from .terms import Observed
+
+# Frames followed in one go, forwards and backwards.
+TRACKED_FRAMES = 32
+# Costs that the running median looks back on.
+_RECENT = 90
+# Poses that agree to this in every joint are the same (m).
+_SAME = 0.05
+
+
+class Tracking(eqx.Module):
+    """How to follow a person from frame to frame."""
+
+    interval: float = 0.25
+    """Time between two full searches (s): so long at most does the track follow a pose that another one beats."""
+    steps: int = 6
+    """Steps of the fit from the frame before."""
+    margin: float = 2.0
+    """Hysteresis: by so much must another pose be cheaper to be switched to."""
+
+
+class Track(eqx.Module):
+    """Where a person was."""
+
+    last: Pose
+    before: Pose
+    since: int
+    """Frames since the last full search."""
+    costs: Float[np.ndarray, " recent"]
+    """Of the poses so far, the last ones."""
+
+
+def track_frames(
+    model: Model,
+    search: Search,
+    tracking: Tracking,
+    fps: float,
+    track: Track | None,
+    starts: Pose,
+    fallback: Pose,
+    observed: Observed,
+) -> tuple[Pose, Float[np.ndarray, " frames"], Track]:
+    """Poses of up to `TRACKED_FRAMES` consecutive frames.
+
+    A full search is made at regular intervals, and where the track costs more than is usual for the subject. From the
+    poses that it finds the track goes on forwards and backwards; where the two differ, the one that is cheaper over
+    all frames wins, and so left and right are decided by the sequence.
+
+    Args:
+        model: The subject.
+        search: How to search.
+        tracking: How to follow.
+        fps: Frames per second.
+        track: Where the person was in the frames before; None where that is not known.
+        starts: As for `solve_frames`.
+        fallback: Likewise.
+        observed: Outlines and silhouettes, with a leading axis ``frames``.
+
+    Returns:
+        A pose for each frame, what it costs, and the track to go on with.
+    """
+    count = len(observed.neck)
+    every = max(1, round(tracking.interval * fps))
+    since = every if track is None else track.since
+    searched = np.flatnonzero((np.arange(count) + 1 + since) % every == 0) if every > 1 else np.arange(count)
+    if track is None:
+        searched = np.union1d(searched, [0])
+    offers = Hypotheses(jax.tree.map(lambda a: np.asarray(a)[:, :1], starts), np.full((count, 1), np.inf, np.float32))
+
+    def searched_in(frames: Int[np.ndarray, " some"]) -> Hypotheses:
+        if len(frames) == 0:
+            return offers
+        return offers.merged(solve_frames(model, search, *taken((starts, fallback, observed), frames)), frames)
+
+    offers = searched_in(searched)
+    costs = np.zeros(0) if track is None else track.costs
+    poses, cost = _best_track(model, tracking, track, offers, observed)
+    usual = float(np.median(np.concatenate([costs, cost])[-_RECENT:]))
+    dear = np.setdiff1d(np.flatnonzero(cost > typical_dear(usual)), searched)
+    if len(dear):
+        offers = searched_in(dear)
+        poses, cost = _best_track(model, tracking, track, offers, observed)
+    last, before = (jax.tree.map(lambda a, i=i: a[max(count - i, 0)], poses) for i in (1, 2))
+    if count == 1 and track is not None:
+        before = track.last
+    costs = np.concatenate([costs, cost])[-_RECENT:]
+    return poses, cost, Track(last, before, (since + count) % every, costs)
+
+
+def _best_track(
+    model: Model, tracking: Tracking, track: Track | None, offers: Hypotheses, observed: Observed
+) -> tuple[Pose, Float[np.ndarray, " frames"]]:
+    count = len(offers.cost)
+    first = jax.tree.map(lambda a: a[0, 0], offers.poses)
+    last, before = (first, first) if track is None else (track.last, track.before)
+    frames = np.minimum(np.arange(TRACKED_FRAMES), count - 1)
+    seen = lean(observed)
+    half = tracking.steps // 2
+    scales = fit_scales((0.08, half), (0.04, tracking.steps - half))
+
+    def follow(order: Int[np.ndarray, " frames"], last: Pose, before: Pose) -> tuple[Pose, np.ndarray]:
+        given = single_precision((last, before, *taken((offers.first(1), offers.cost, seen), order)))
+        found = _follow(model, jnp.asarray(tracking.margin, jnp.float32), scales, *given)
+        return jax.tree.map(lambda a: np.asarray(a)[:count], found)
+
+    forwards, cost = follow(frames, last, before)
+    end = jax.tree.map(lambda a: a[-1], forwards)
+    back = np.maximum(np.arange(count - 1, count - 1 - TRACKED_FRAMES, -1), 0)
+    backwards, other = jax.tree.map(lambda a: a[::-1], follow(back, end, end))
+    places = np.stack([_places(model, forwards), _places(model, backwards)], 1)
+    costs = np.stack([cost, other], 1)
+    start = None if track is None else _places(model, jax.tree.map(lambda a: a[None], track.last))[0]
+    chosen = cheapest_path(costs, places, tracking.margin, start)
+    rows = np.arange(count)
+    poses = jax.tree.map(lambda a, b: np.stack([a, b], 1)[rows, chosen], forwards, backwards)
+    return poses, costs[rows, chosen]
+
+
+def cheapest_path(
+    costs: Float[np.ndarray, "frames tracks"],
+    places: Float[np.ndarray, "frames tracks points 3"],
+    margin: float,
+    start: Float[np.ndarray, "points 3"] | None = None,
+) -> Int[np.ndarray, " frames"]:
+    """Which track to be on in each frame: costs add up, and so does the margin for each jump (Viterbi).
+
+    It is a jump where the poses of both tracks in the frame that is left differ; from `start`, where the new pose is
+    as far from it as no person moves.
+    """
+    frames, tracks = costs.shape
+    apart = np.linalg.norm(places[:, :, None] - places[:, None], axis=-1).max(-1)
+    jump = np.where(apart > _SAME, margin, 0.0)
+    total = costs[0].astype(np.float64)
+    if start is not None:
+        far = np.linalg.norm(places[0] - start, axis=-1).max(-1)
+        total = total + np.where(far > far.min() + _SAME, margin, 0.0)
+    came = np.zeros((frames, tracks), int)
+    for frame in range(1, frames):
+        ways = total[:, None] + jump[frame - 1]
+        came[frame] = ways.argmin(0)
+        total = ways.min(0) + costs[frame]
+    path = np.zeros(frames, int)
+    path[-1] = total.argmin()
+    for frame in range(frames - 1, 0, -1):
+        path[frame - 1] = came[frame, path[frame]]
+    return path
+
+
+@eqx.filter_jit
+def _follow(
+    model: Model,
+    margin: Float[Array, ""],
+    scales: tuple[Array, Array],
+    last: Pose,
+    before: Pose,
+    offered: Pose,
+    offered_cost: Float[Array, "frames 1"],
+    observed: Observed,
+) -> tuple[Pose, Float[Array, " frames"]]:
+    """Fit each frame from the one before and from where the motion leads to; take what is offered if it is cheaper."""
+
+    def step(
+        past: tuple[Pose, Pose], frame: tuple[Pose, Array, Observed]
+    ) -> tuple[tuple[Pose, Pose], tuple[Pose, Array]]:
+        (last, before), (offered, offered_cost, seen) = past, frame
+        offered, offered_cost = jax.tree.map(lambda a: a[0], (offered, offered_cost))
+        hypotheses = jax.tree.map(lambda *a: jnp.stack(a), last, _onwards(last, before))
+        poses, cost = jax.vmap(lambda pose: fit_hypothesis(model.objective, model.skeleton, pose, seen, scales))(
+            hypotheses
+        )
+        best = jnp.argmin(cost)
+        pose, cost = jax.tree.map(lambda a: a[best], (poses, cost))
+        switch = offered_cost < cost - margin
+        pose = jax.tree.map(lambda new, old: jnp.where(switch, new, old), offered, pose)
+        # After a jump there is no motion to go on with.
+        last = jax.tree.map(lambda new, old: jnp.where(switch, new, old), pose, last)
+        return (pose, last), (pose, jnp.where(switch, offered_cost, cost))
+
+    return jax.lax.scan(step, (last, before), (offered, offered_cost, observed))[1]
+
+
+def _onwards(last: Pose, before: Pose) -> Pose:
+    """The pose after the last one if the motion goes on as it was."""
+    rotations, old = jnp.asarray(last.rotations), jnp.asarray(before.rotations)
+    # Written out: see `HingedLimbs`.
+    turns = (rotations[:, :, None] * old[:, None]).sum(-1)
+    turned = (turns[..., None] * rotations[:, None]).sum(-2)
+    return Pose(2 * jnp.asarray(last.root) - before.root, turned)
+
+
+def _places(model: Model, poses: Pose) -> Float[np.ndarray, "frames joints=15 3"]:
+    return np.asarray(place_joints(model.skeleton, single_precision(poses))[0])
