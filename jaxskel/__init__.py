@@ -11,6 +11,7 @@ from . import terms as terms
 from ._body import Body as Body
 from ._body import ball_centres as ball_centres
 from ._body import make_body as make_body
+from ._calibrate import Calibrated as Calibrated
 from ._calibrate import calibrate as calibrate
 from ._camera import Cameras as Cameras
 from ._camera import make_cameras as make_cameras
@@ -19,6 +20,8 @@ from ._camera import rays as rays
 from ._carve import ProjectionTable as ProjectionTable
 from ._carve import carve as carve
 from ._carve import projection_table as projection_table
+from ._contours import Contours as Contours
+from ._contours import contours as contours
 from ._descriptors import EndNodes as EndNodes
 from ._descriptors import describe_ends as describe_ends
 from ._descriptors import template_ends as template_ends
@@ -71,6 +74,8 @@ from ._scoop import scoop as scoop
 from ._settings import Settings as Settings
 from ._settings import paper_settings as paper_settings
 from ._sides import tell_sides as tell_sides
+from ._silhouette_distances import SilhouetteDistances as SilhouetteDistances
+from ._silhouette_distances import silhouette_distances as silhouette_distances
 from ._skeleton import JOINT_NAMES as JOINT_NAMES
 from ._skeleton import JOINT_PARENTS as JOINT_PARENTS
 from ._skeleton import TIP_NAMES as TIP_NAMES
@@ -79,13 +84,18 @@ from ._skeleton import Skeleton as Skeleton
 from ._skeleton import default_adult as default_adult
 from ._skeleton import forward_kinematics as forward_kinematics
 from ._skeleton import make_skeleton as make_skeleton
+from ._smooth import smooth as smooth
 from ._solve import Hypotheses as Hypotheses
 from ._solve import Model as Model
 from ._solve import Search as Search
 from ._solve import make_model as make_model
 from ._solve import solve_frames as solve_frames
 from ._starts import start_poses as start_poses
+from ._starts import upright_poses as upright_poses
 from ._stature import estimate_stature as estimate_stature
+from ._track import Track as Track
+from ._track import Tracking as Tracking
+from ._track import track_frames as track_frames
 from ._views import lost_views as lost_views
 from ._views import silhouette_areas as silhouette_areas
 from .io import read_recording as read_recording

@@ -7,7 +7,6 @@ import numpy as np
 
 from jaxskel import (
     HeadBall,
-    Matcher,
     Recording,
     Settings,
     make_body,
@@ -17,6 +16,7 @@ from jaxskel import (
     unpack_silhouettes,
 )
 from jaxskel._limbs import HANDLESS_DESCRIPTOR
+from jaxskel._match import Matcher
 
 
 def with_masks(recording: Recording, masks: np.ndarray) -> Recording:

@@ -13,7 +13,6 @@ from scipy.spatial.transform import Rotation
 
 from jaxskel import (
     JOINT_PARENTS,
-    TIP_PARENTS,
     DtwMatcher,
     ExactMatcher,
     Poses,
@@ -29,7 +28,7 @@ from jaxskel import (
     reconstruct,
     reconstruct_batches,
 )
-from jaxskel._skeleton import JOINT_OF_PIVOT, MIRROR_JOINTS
+from jaxskel._skeleton import JOINT_OF_PIVOT, MIRROR_JOINTS, TIP_PARENTS
 from jaxskel.metrics import score
 from jaxskel.synthetic import demo_motion, make_scene
 
@@ -294,7 +293,9 @@ def test_several_people_get_no_pose(longer, of_graph):
     motion = demo_motion(skeleton, 16, 16 / 12)
     some = slice(10, 14)
     beside = eqx.tree_at(
-        lambda m: (m.root, m.rotations), motion, (np.asarray(motion.root)[some] + [0.0, 1.0, 0.0], motion.rotations[some])
+        lambda m: (m.root, m.rotations),
+        motion,
+        (np.asarray(motion.root)[some] + [0.0, 1.0, 0.0], motion.rotations[some]),
     )
     guest = make_scene(skeleton=skeleton, motion=beside)
     masks = longer.silhouettes.copy()

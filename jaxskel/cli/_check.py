@@ -1,5 +1,6 @@
 """`jaxskel check`: is the input as it should be? Draws voxel box and hull into every view."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -37,7 +38,8 @@ def check(
     if not 0 <= drawn < len(recording):
         raise ValueError(f"{sequence}: there is no frame {drawn}; give 0 to {len(recording) - 1}")
     settings = make_settings(Preset.DEFAULT, spacing, max_misses, box)
-    prepared = prepare(recording, settings)
+    # No pose is needed, hence no body.
+    prepared = prepare(recording, replace(settings, search=None))
     if prepared.table is None:
         raise ValueError(f"{sequence}: no frame has a hull of a person's size; {_suspect(recording, settings)}")
     cameras, grid = recording.cameras.rotated(prepared.to_z_up), prepared.table.grid

@@ -11,6 +11,8 @@ import numpy as np
 import typer
 
 from .._settings import Settings, paper_settings
+from .._smooth import smooth
+from .._track import Tracking
 from ..io import read_recording, read_subject, write_poses
 from ._progress import StageTimes, advice, reconstruct_with_progress, summary
 
@@ -46,17 +48,29 @@ def run(
     max_misses: MaxMisses = None,
     box: Box = None,
     preset: PresetOption = Preset.DEFAULT,
+    track: Annotated[bool, typer.Option("--track", help="Frames are consecutive: follow the person.")] = False,
+    smooth_hz: Annotated[
+        float | None, typer.Option("--smooth", help="Low-pass filter the poses with this cutoff (Hz); off by default.")
+    ] = None,
 ) -> None:
     """Reconstruct every frame; write poses.npz and poses.csv."""
+    if track and preset is Preset.PAPER:
+        raise ValueError("--track: the paper's method treats each frame by itself; leave out --track or --preset")
     recording = read_recording(sequence)
     if subject is not None:
         recording = eqx.tree_at(
             lambda r: r.skeleton, recording, read_subject(subject), is_leaf=lambda leaf: leaf is None
         )
     check_output(output)
+    if smooth_hz is not None and not 0 < smooth_hz < recording.fps / 2:
+        raise ValueError(f"--smooth {smooth_hz:g}: give a cutoff between 0 and {recording.fps / 2:g} Hz, half the rate")
     settings = make_settings(preset, spacing, max_misses, box)
+    if track:
+        settings = replace(settings, tracking=Tracking())
     times = StageTimes()
     poses, prepared = reconstruct_with_progress(recording, settings, times)
+    if smooth_hz is not None:
+        poses = smooth(poses, smooth_hz)
     archive, table = write_poses(output, poses)
     if not prepared.skeleton_is_known:
         print(f"{recording.name}: unknown subject, an average adult of {prepared.skeleton.stature:.2f} m was fitted")
