@@ -14,7 +14,7 @@ from _condition import Condition
 from jaxtyping import Bool, Float, Int
 
 import jaxskel
-from jaxskel import Recording, Settings, join_poses, paper_settings, prepare, reconstruct_batches
+from jaxskel import Recording, Settings, Tracking, join_poses, paper_settings, prepare, reconstruct_batches
 from jaxskel.io._archive import read_arrays, written_whole
 from jaxskel.metrics import Score, score
 
@@ -48,6 +48,7 @@ class Preset:
 PRESETS = (
     Preset("paper", "`paper_settings()`", paper_settings),
     Preset("default", "`Settings()`", Settings),
+    Preset("tracked", "`Settings(tracking=Tracking())`", lambda: Settings(tracking=Tracking())),
 )
 """All presets, in the order of the columns."""
 

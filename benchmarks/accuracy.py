@@ -4,19 +4,24 @@
     python benchmarks/accuracy.py SEQUENCE.npz ... --cameras 0,2,3,5,7,8      with fewer cameras
     python benchmarks/accuracy.py SEQUENCE.npz ... --dirty 1                  with dirty masks
     python benchmarks/accuracy.py SEQUENCE.npz ... --bones 0.05 --seed 1      with a mismeasured subject
+    python benchmarks/accuracy.py SEQUENCE.npz ... --preset tracked           as with `jaxskel run --track`
 
-Prints the Markdown table of the README. Every file is reconstructed by the defaults of `jaxskel run`. Errors are
+Prints the Markdown table of the README, and how reliable the confidence of joints is. Every file is reconstructed by
+the defaults of `jaxskel run`. Errors are
 given with sides counted / with swaps forgiven; frames per second leave out the preparation of a file and compilation.
 Pin the process to one core (`taskset -c 0`) to measure what one core does.
 """
 
 import argparse
+import itertools
 import json
 import time
 from pathlib import Path
 
 import numpy as np
 from _condition import Condition, add_options, condition_of, disturbed
+from _runs import PRESETS
+from jaxtyping import Bool, Float
 
 from jaxskel import (
     Poses,
@@ -24,13 +29,13 @@ from jaxskel import (
     Recording,
     Settings,
     join_poses,
-    paper_settings,
     prepare,
     read_recording,
     reconstruct_batches,
 )
 from jaxskel.metrics import Score, join_scores, score
 
+CONFIDENCES = (0.0, 0.5, 0.9, 1.0)
 HEADER = (
     "| sequence | frames | no pose | hands wrong | feet wrong | head wrong | all 15 right | median | frames/s |\n"
     "|---|---|---|---|---|---|---|---|---|"
@@ -49,6 +54,16 @@ def score_against_truth(poses: Poses, recording: Recording) -> Score:
     if recording.truth is None:
         raise ValueError(f"{recording.name}: key 'joints': there is no ground truth to score against")
     return score(poses.joints.astype(np.float64), recording.truth.joints, poses.has_pose)
+
+
+def trust_and_truth(
+    poses: Poses, recording: Recording
+) -> tuple[Float[np.ndarray, " joints"], Bool[np.ndarray, " joints"]]:
+    """Confidence of all joints of the frames with a pose and a truth, and whether they are within 100 mm of it."""
+    assert recording.truth is not None
+    known = poses.has_pose & np.isfinite(recording.truth.joints).all((1, 2))
+    away = np.linalg.norm(poses.joints[known] - recording.truth.joints[known], axis=-1)
+    return poses.confidence[known].ravel(), away.ravel() < 0.1
 
 
 def row(name: str, result: Score, frames_per_second: float) -> str:
@@ -72,14 +87,25 @@ def row(name: str, result: Score, frames_per_second: float) -> str:
     return f"| {' | '.join(cells)} |"
 
 
+def reliability(confidence: Float[np.ndarray, " joints"], right: Bool[np.ndarray, " joints"]) -> str:
+    """A table: of the joints with so much confidence, how many are right?"""
+    lines = ["| confidence | share of the joints | within 100 mm |", "|---|---|---|"]
+    for low, high in itertools.pairwise(CONFIDENCES):
+        chosen = (confidence >= low) & ((confidence < high) | (high == CONFIDENCES[-1]))
+        good = f"{100 * right[chosen].mean():.1f} %" if chosen.any() else "-"
+        lines.append(f"| {low:g} to {high:g} | {100 * chosen.mean():.1f} % | {good} |")
+    return "\n".join(lines)
+
+
 def score_files(paths: list[Path], condition: Condition, settings: Settings) -> tuple[dict[str, Score], Score]:
-    """Reconstruct and score files under a condition, and print a row for each and one for all.
+    """Reconstruct and score files under a condition; print a row for each, one for all, and the reliability.
 
     Returns:
         The score of each file by its name, and of all taken as one.
     """
     results: dict[str, Score] = {}
     frames, seconds = 0, 0.0
+    trusted: list[tuple[np.ndarray, np.ndarray]] = []
     suffix = f", {condition}" if str(condition) else ""
     print(HEADER)
     for path in sorted(paths):
@@ -92,9 +118,11 @@ def score_files(paths: list[Path], condition: Condition, settings: Settings) -> 
         poses, taken = reconstruct_timed(recording, prepared, settings)
         results[path.stem] = score_against_truth(poses, recording)
         frames, seconds = frames + len(recording), seconds + taken
+        trusted.append(trust_and_truth(poses, recording))
         print(row(path.stem + suffix, results[path.stem], len(recording) / taken), flush=True)
     total = join_scores(results.values())
     print(row(f"**all**{suffix}", total, frames / seconds), flush=True)
+    print("\n" + reliability(*(np.concatenate(part) for part in zip(*trusted, strict=True))))
     return results, total
 
 
@@ -103,9 +131,10 @@ def main() -> None:
     parser.add_argument("sequences", nargs="+", type=Path)
     parser.add_argument("--output", type=Path, help="also write every figure as JSON")
     add_options(parser)
-    parser.add_argument("--preset", choices=("default", "paper"), default="default", help="as in `jaxskel run`")
+    names = [preset.name for preset in PRESETS]
+    parser.add_argument("--preset", choices=names, default="default", help="how to reconstruct")
     arguments = parser.parse_args()
-    settings = paper_settings() if arguments.preset == "paper" else Settings()
+    settings = PRESETS[names.index(arguments.preset)].settings()
     condition = condition_of(arguments)
     results, total = score_files(arguments.sequences, condition, settings)
     if arguments.output:

@@ -17,13 +17,39 @@ _TRUNK = {"pelvis": "pelvis", "l_hip": "pelvis", "r_hip": "pelvis", "neck": "nec
           "r_shoulder": "neck"}  # fmt: skip
 
 
+# A hypothesis that costs so much more counts for a third as much; a pose that costs so much more than is dear
+# likewise, in the units of `volume_objective`.
+_RIVAL_COST, _EXCESS_COST = 4.0, 20.0
+# Joints this near to each other are in the same place (m), as in the paper's Table 1.
+_SAME_PLACE = 0.1
+
+
+def searched_confidence(
+    joints: Float[np.ndarray, "frames hypotheses joints=15 3"],
+    cost: Float[np.ndarray, "frames hypotheses"],
+    dear: float,
+) -> Float[np.ndarray, "frames joints=15"]:
+    """Confidence in the first hypothesis of each frame: do its rivals put a joint elsewhere, is it suspiciously dear?
+
+    Args:
+        joints: Of all hypotheses (m).
+        cost: Of all hypotheses.
+        dear: What a pose of this subject hardly ever costs, see `Search.relative_to`.
+    """
+    there = np.linalg.norm(joints - joints[:, :1], axis=-1) < _SAME_PLACE
+    weight = np.exp(-np.clip(cost - cost[:, :1], -50.0, None) / _RIVAL_COST)
+    agreeing = (weight[..., None] * there).sum(1) / weight.sum(1)[:, None]
+    excess = np.maximum(cost[:, :1] - dear, 0.0)
+    return (agreeing * np.exp(-excess / _EXCESS_COST)).astype(np.float32)
+
+
 def joint_confidence(
     joints: Float[np.ndarray, "frames joints=15 3"],
     tips: Float[np.ndarray, "frames tips=5 3"],
     limbs: Limbs,
     skeleton: Skeleton,
 ) -> Float[np.ndarray, "frames joints=15"]:
-    """Confidence of the joints of refined poses.
+    """Confidence of the joints of poses that follow the labelled graph.
 
     A limb is trusted if its end node was found, if the way from the head to it through the body is as long as the
     template's (an arm that touches the trunk has a short cut) and if the fitted limb reaches it. Pelvis and neck are

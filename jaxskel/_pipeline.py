@@ -8,9 +8,9 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
-from ._body import Body
+from ._body import Body, place_joints
 from ._carve import FRAMES_PER_WORD
-from ._confidence import joint_confidence
+from ._confidence import joint_confidence, searched_confidence
 from ._descriptors import template_ends
 from ._graph import SkeletalGraph
 from ._initialise import initial_poses
@@ -23,7 +23,7 @@ from ._recording import Recording
 from ._refine import Refined, refine_frames
 from ._settings import Settings
 from ._skeleton import Pose, Skeleton
-from ._solve import make_model, solve_frames, unexplained_shares
+from ._solve import Hypotheses, make_model, solve_frames, unexplained_shares
 from ._stacks import padded, single_precision
 from ._starts import start_poses, upright_poses
 from ._track import Track, track_frames
@@ -72,12 +72,14 @@ def reconstruct_batch(
                 fallback = upright_poses(middles_of_people(seen, silhouettes, cameras), prepared.skeleton)
                 search, model = settings.search.relative_to(prepared.typical_cost), make_model(prepared.body)
                 if settings.tracking is None:
-                    initial = solve_frames(model, search, starts, fallback, observed).best
+                    found = solve_frames(model, search, starts, fallback, observed)
                 else:
-                    initial, _, track = track_frames(
+                    found, track = track_frames(
                         model, search, settings.tracking, recording.fps, track, starts, fallback, observed
                     )
+                initial = found.best
                 plausible = _unexplained(initial, observed, prepared.body) < _UNEXPLAINED
+                trust = searched_confidence(_joints(found, prepared.skeleton), found.cost, search.dear)
         with stopwatch("refine"):
             refined = _refined(initial, observed, prepared, settings)
         status[good[~plausible]] = Status.NO_MATCH
@@ -86,7 +88,8 @@ def reconstruct_batch(
         status[good[fitted & ~refined.converged]] = Status.NOT_CONVERGED
         done = good[fitted]
         status[done[(status[done] == Status.OK) & seen.lost[done].any(1)]] = Status.VIEW_LOST
-        trust = joint_confidence(np.asarray(refined.joints), np.asarray(refined.tips), limbs, prepared.skeleton)
+        if settings.search is None:
+            trust = joint_confidence(np.asarray(refined.joints), np.asarray(refined.tips), limbs, prepared.skeleton)
         back = prepared.to_z_up.T.astype(np.float32)
         joints[done], tips[done] = refined.joints[fitted] @ back.T, refined.tips[fitted] @ back.T
         confidence[done], sides[done] = trust[fitted], side_confidence[fitted]
@@ -141,6 +144,13 @@ def _unexplained(poses: Pose, observed: Observed, body: Body) -> Float[np.ndarra
     assert observed.contours is not None
     shares = unexplained_shares(single_precision(body), padded(poses, BATCH), padded(observed.contours, BATCH))
     return np.asarray(shares)[: len(poses.root)]
+
+
+def _joints(found: Hypotheses, skeleton: Skeleton) -> Float[np.ndarray, "frames hypotheses joints=15 3"]:
+    count, hypotheses = found.cost.shape
+    poses = jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:]), padded(found.poses, BATCH))
+    joints = np.asarray(place_joints(single_precision(skeleton), poses)[0])
+    return joints.reshape(BATCH, hypotheses, *joints.shape[1:])[:count]
 
 
 def _plausible(graphs: list[SkeletalGraph], limbs: Limbs, skeleton: Skeleton) -> Bool[np.ndarray, " frames"]:

@@ -51,7 +51,7 @@ def track_frames(
     starts: Pose,
     fallback: Pose,
     observed: Observed,
-) -> tuple[Pose, Float[np.ndarray, " frames"], Track]:
+) -> tuple[Hypotheses, Track]:
     """Poses of up to `TRACKED_FRAMES` consecutive frames.
 
     A full search is made at regular intervals, and where the track costs more than is usual for the subject. From the
@@ -69,7 +69,7 @@ def track_frames(
         observed: Outlines and silhouettes, with a leading axis ``frames``.
 
     Returns:
-        A pose for each frame, what it costs, and the track to go on with.
+        Two hypotheses for each frame, the chosen one first, and the track to go on with.
     """
     count = len(observed.neck)
     every = max(1, round(tracking.interval * fps))
@@ -86,22 +86,22 @@ def track_frames(
 
     offers = searched_in(searched)
     costs = np.zeros(0) if track is None else track.costs
-    poses, cost = _best_track(model, tracking, track, offers, observed)
-    usual = float(np.median(np.concatenate([costs, cost])[-_RECENT:]))
-    dear = np.setdiff1d(np.flatnonzero(cost > typical_dear(usual)), searched)
+    found = _best_track(model, tracking, track, offers, observed)
+    usual = float(np.median(np.concatenate([costs, found.cost[:, 0]])[-_RECENT:]))
+    dear = np.setdiff1d(np.flatnonzero(found.cost[:, 0] > typical_dear(usual)), searched)
     if len(dear):
         offers = searched_in(dear)
-        poses, cost = _best_track(model, tracking, track, offers, observed)
-    last, before = (jax.tree.map(lambda a, i=i: a[max(count - i, 0)], poses) for i in (1, 2))
+        found = _best_track(model, tracking, track, offers, observed)
+    last, before = (jax.tree.map(lambda a, i=i: a[max(count - i, 0)], found.best) for i in (1, 2))
     if count == 1 and track is not None:
         before = track.last
-    costs = np.concatenate([costs, cost])[-_RECENT:]
-    return poses, cost, Track(last, before, (since + count) % every, costs)
+    costs = np.concatenate([costs, found.cost[:, 0]])[-_RECENT:]
+    return found, Track(last, before, (since + count) % every, costs)
 
 
 def _best_track(
     model: Model, tracking: Tracking, track: Track | None, offers: Hypotheses, observed: Observed
-) -> tuple[Pose, Float[np.ndarray, " frames"]]:
+) -> Hypotheses:
     count = len(offers.cost)
     first = jax.tree.map(lambda a: a[0, 0], offers.poses)
     last, before = (first, first) if track is None else (track.last, track.before)
@@ -123,9 +123,8 @@ def _best_track(
     costs = np.stack([cost, other], 1)
     start = None if track is None else _places(model, jax.tree.map(lambda a: a[None], track.last))[0]
     chosen = cheapest_path(costs, places, tracking.margin, start)
-    rows = np.arange(count)
-    poses = jax.tree.map(lambda a, b: np.stack([a, b], 1)[rows, chosen], forwards, backwards)
-    return poses, costs[rows, chosen]
+    both = Hypotheses(jax.tree.map(lambda a, b: np.stack([a, b], 1), forwards, backwards), costs)
+    return both.ordered(np.stack([chosen, 1 - chosen], 1))
 
 
 def cheapest_path(

@@ -1,8 +1,11 @@
 """The top of the head: the paper's highest voxel and the ball of the head, on bodies drawn by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from drawn import chain
+from scenes import graph_settings
 from scipy import ndimage
 
 from jaxskel import (
@@ -10,7 +13,6 @@ from jaxskel import (
     HighestVoxel,
     Pose,
     RootFinder,
-    Settings,
     VisualHulls,
     default_adult,
     hulls_from_dense,
@@ -199,14 +201,14 @@ def test_raised_hands_and_a_crouch_from_silhouettes():
     skeleton = default_adult()
     whole = demo_motion(skeleton, 60)
     # Waving, the crane stand, the crouch.
-    chosen = np.r_[16:23, 42:46, 48:52]
+    chosen = np.r_[17:22:2, 42:46:2, 48:52:2]
     scene = make_scene(skeleton=skeleton, motion=Pose(np.asarray(whole.root)[chosen], whole.rotations[chosen]))
     assert scene.truth is not None
     above = (scene.truth.tips[:, 1:3, 2] > scene.truth.tips[:, :1, 2]).any(1)
-    assert above.sum() >= 5
+    assert above.sum() >= 3
 
     def head_errors(finder: RootFinder) -> np.ndarray:
-        joints = reconstruct(scene, Settings(root=finder)).joints
+        joints = reconstruct(scene, replace(graph_settings(), root=finder)).joints
         return np.linalg.norm(joints[:, 2] - scene.truth.joints[:, 2], axis=-1)
 
     assert head_errors(HeadBall()).max() < 0.1

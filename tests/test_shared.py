@@ -2,10 +2,11 @@
 
 from pathlib import Path
 
+import equinox as eqx
 import numpy as np
 import pytest
 
-from jaxskel import Settings, join_poses, prepare, read_recording, reconstruct_batches
+from jaxskel import Recording, Settings, join_poses, prepare, read_recording, reconstruct_batches
 from jaxskel.metrics import score
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
@@ -17,28 +18,35 @@ def needs(path: Path):
     return pytest.mark.skipif(not path.exists(), reason=f"needs {'/'.join(path.parts[-3:])} in ../shared/data")
 
 
-def run(path: Path, frames: slice):
-    recording = read_recording(path)
+def run(recording: Recording):
     prepared = prepare(recording, Settings())
-    return recording[frames], join_poses(reconstruct_batches(recording[frames], prepared=prepared))
+    return prepared, join_poses(reconstruct_batches(recording, Settings(), prepared))
 
 
 @needs(SEQUENCE)
 def test_a_realistic_body_with_free_arms():
-    recording, poses = run(SEQUENCE, slice(None))
+    recording = read_recording(SEQUENCE)[::8]
+    # As many cameras as elsewhere in the tests, so that nothing is compiled again.
+    eight = [0, 1, 2, 3, 5, 6, 7, 8]
+    recording = eqx.tree_at(
+        lambda r: (r.cameras, r.silhouettes), recording, (recording.cameras[eight], recording.silhouettes[:, eight])
+    )
     assert recording.truth is not None
+    _, poses = run(recording)
     result = score(poses.joints.astype(float), recording.truth.joints, poses.has_pose)
     assert poses.has_pose.all()
     assert result.wrong("l_foot") + result.wrong("r_foot") == 0
-    assert result.wrong("l_hand") + result.wrong("r_hand") <= 6  # of 120
-    assert result.percentile(50) < 0.045
+    assert result.wrong("l_hand") + result.wrong("r_hand") == 0
+    assert result.percentile(50) < 0.035
 
 
 @needs(REAL)
 def test_a_real_person_of_unknown_dimensions_stands_upright_on_the_floor():
-    _, poses = run(REAL, slice(0, 96, 3))  # world +Y up, floor at y = 0; arms lifted in wide sleeves, one knee up
-    assert poses.has_pose.mean() >= 0.95
-    joints = poses.joints[poses.has_pose]
+    # World +Y up, floor at y = 0; arms lifted in wide sleeves, one knee up.
+    prepared, poses = run(read_recording(REAL)[:96:12])
+    assert not prepared.skeleton_is_known
+    assert poses.has_pose.all()
+    joints = poses.joints
     trunk = joints[:, 1] - joints[:, 0]
     tilt = np.degrees(np.arccos(trunk[:, 1] / np.linalg.norm(trunk, axis=1)))
     assert tilt.max() < 20

@@ -63,9 +63,9 @@ def filmed() -> Filmed:
 def follow(filmed: Filmed, frames: slice, track: Track | None) -> tuple[np.ndarray, Track]:
     """Errors of the worst joint of each frame (m), and the track."""
     starts, fallback, observed = some((filmed.starts, filmed.fallback, filmed.observed), frames)
-    poses, cost, track = track_frames(make_model(BODY), SEARCH, Tracking(), FPS, track, starts, fallback, observed)
-    assert np.isfinite(cost).all()
-    return np.linalg.norm(joints_of(poses) - filmed.joints[frames], axis=-1).max(-1), track
+    found, track = track_frames(make_model(BODY), SEARCH, Tracking(), FPS, track, starts, fallback, observed)
+    assert np.isfinite(found.cost).all()
+    return np.linalg.norm(joints_of(found.best) - filmed.joints[frames], axis=-1).max(-1), track
 
 
 def on_track(filmed: Filmed, frame: int, wrong: Pose) -> Track:
