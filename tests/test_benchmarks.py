@@ -462,8 +462,11 @@ def test_scripts_run_on_four_frames(scene, tmp_path, monkeypatch, capsys):
     write_recording(tmp_path / "scene.npz", scene)
     condition = ["--cameras", "0,1,2,3,4,5,6", "--step", "2"]
     run(accuracy.main, monkeypatch, "scene.npz", *condition, "--output", "all.json")
-    rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith("|")]
+    rows, trust = (
+        [line for line in part.splitlines() if line.startswith("|")] for part in capsys.readouterr().out.split("\n\n")
+    )
     assert len(rows) == 4
+    assert len(trust) == 5
     assert len({row.count("|") for row in rows}) == 1
     assert rows[2].startswith("| scene, cameras 0 1 2 3 4 5 6, 1 frame in 2 | 2 | 0 |")
     assert rows[3].startswith("| **all**, cameras 0 1 2 3 4 5 6, 1 frame in 2 | 2 | 0 |")
@@ -476,7 +479,7 @@ def test_figures_go_on_where_they_were_cut_off(scene, tmp_path, monkeypatch, cap
     monkeypatch.chdir(tmp_path)
     write_recording(tmp_path / "clips" / "13_18_male.npz", scene)
     write_recording(tmp_path / "clips" / "scene.npz", scene[:2])
-    clips = ["clips/13_18_male.npz", "clips/scene.npz"]
+    clips, presets = ["clips/13_18_male.npz", "clips/scene.npz"], ["--presets", "paper,default"]
     done = []
     reconstruct_run = figures.reconstruct_run
 
@@ -488,10 +491,10 @@ def test_figures_go_on_where_they_were_cut_off(scene, tmp_path, monkeypatch, cap
 
     monkeypatch.setattr(figures, "reconstruct_run", cut_off)
     with pytest.raises(KeyboardInterrupt):
-        run(figures.main, monkeypatch, *clips, "-o", "out")
+        run(figures.main, monkeypatch, *clips, *presets, "-o", "out")
     assert not (tmp_path / "out" / "table1.md").exists()
     first, done[:] = list(done), []
-    run(figures.main, monkeypatch, *clips, "-o", "out")
+    run(figures.main, monkeypatch, *clips, *presets, "-o", "out")
     assert sorted(first + done) == [
         (name, preset) for name in ("13_18_male", "scene") for preset in ("default", "paper")
     ]
@@ -520,15 +523,25 @@ def test_what_is_kept_is_used_only_for_what_it_was_made_from(scene, tmp_path, mo
     _runs.write_run(tmp_path / "out/runs/clips/scene.paper.npz", run_of_truth(scene), source)
     source = _runs.made_from(tmp_path / "clips" / "scene.npz", Condition(), Settings())
     _runs.write_run(tmp_path / "out/runs/clips/scene.default.npz", run_of_truth(scene, code="b"), source)
-    run(figures.main, monkeypatch, "clips/scene.npz", "-o", "out")
+    run(figures.main, monkeypatch, "clips/scene.npz", "--presets", "paper,default", "-o", "out")
     table = capsys.readouterr().out
     assert "no hand_distance.png" in table
     assert "2 versions of the code (a, b)" in table
     with pytest.raises(ValueError, match="another condition"):
-        run(figures.main, monkeypatch, "clips/scene.npz", "-o", "out", "--step", "2")
+        run(figures.main, monkeypatch, "clips/scene.npz", "--presets", "paper,default", "-o", "out", "--step", "2")
 
 
 def test_presets_are_checked(tmp_path):
     done = benchmark("figures.py", "scene.npz", "-o", "out", "--presets", "paper,good", cwd=tmp_path)
     assert done.returncode == 2
-    assert "give some of paper,default" in done.stderr
+    assert "give some of paper,default,tracked" in done.stderr
+
+
+def test_reliability_by_hand():
+    confidence = np.array([0.1, 0.5, 0.6, 0.9, 0.95, 1.0, 1.0, 1.0])
+    right = np.array([False, True, False, True, True, True, True, False])
+    assert accuracy.reliability(confidence, right).splitlines()[2:] == [
+        "| 0 to 0.5 | 12.5 % | 0.0 % |",
+        "| 0.5 to 0.9 | 25.0 % | 50.0 % |",
+        "| 0.9 to 1 | 62.5 % | 80.0 % |",
+    ]

@@ -14,6 +14,7 @@ from rich.console import Console
 
 from jaxskel import JOINT_NAMES, STATUS_NAMES
 from jaxskel.cli import main
+from jaxskel.cli._app import app
 from jaxskel.cli._demo import _speed
 from jaxskel.cli._progress import StageTimes
 from jaxskel.io import read_poses, write_recording
@@ -24,7 +25,9 @@ def jaxskel(*arguments: object, cwd: Path) -> subprocess.CompletedProcess:
     """In this process, which has compiled everything already."""
     command = ["jaxskel", *map(str, arguments)]
     out, err, code = io.StringIO(), io.StringIO(), 0
-    with chdir(cwd), patch("sys.argv", command), redirect_stdout(out), redirect_stderr(err):
+    # What comes before the commands is `--version` only, whose value is no bool while types are checked.
+    untyped = patch.object(app, "registered_callback", None)
+    with untyped, chdir(cwd), patch("sys.argv", command), redirect_stdout(out), redirect_stderr(err):
         try:
             main()
         except SystemExit as end:

@@ -26,10 +26,9 @@ def run(recording: Recording):
 @needs(SEQUENCE)
 def test_a_realistic_body_with_free_arms():
     recording = read_recording(SEQUENCE)[::8]
-    # As many cameras as elsewhere in the tests, so that nothing is compiled again.
-    eight = [0, 1, 2, 3, 5, 6, 7, 8]
+    # As many cameras as elsewhere in the tests, and of the same names, so that nothing is compiled again.
     recording = eqx.tree_at(
-        lambda r: (r.cameras, r.silhouettes), recording, (recording.cameras[eight], recording.silhouettes[:, eight])
+        lambda r: (r.cameras, r.silhouettes), recording, (recording.cameras[:8], recording.silhouettes[:, :8])
     )
     assert recording.truth is not None
     _, poses = run(recording)
@@ -37,7 +36,7 @@ def test_a_realistic_body_with_free_arms():
     assert poses.has_pose.all()
     assert result.wrong("l_foot") + result.wrong("r_foot") == 0
     assert result.wrong("l_hand") + result.wrong("r_hand") == 0
-    assert result.percentile(50) < 0.035
+    assert result.percentile(50) < 0.015
 
 
 @needs(REAL)
