@@ -230,7 +230,7 @@ def test_batches_cover_every_frame_in_order(scene, of_graph):
 
 def test_unknown_subject_is_scaled_to_its_stature():
     subject = default_adult(1.55)
-    recording = make_scene(16, skeleton=subject)
+    recording = make_scene(8, skeleton=subject)
     prepared = prepare(eqx.tree_at(lambda r: r.skeleton, recording, None), GRAPH)
     assert not prepared.skeleton_is_known
     assert prepared.skeleton.stature == pytest.approx(subject.stature, rel=0.05)
