@@ -7,6 +7,7 @@ import pytest
 
 from jaxskel import Limbs, Pose, default_adult, start_poses
 from jaxskel._skeleton import JOINT_NAMES, JOINT_PARENTS, SEGMENT_NAMES, hinge_axes, place_segments
+from jaxskel._starts import upright_poses
 from jaxskel.synthetic import place_joints
 
 ADULT = default_adult()
@@ -169,3 +170,23 @@ def test_a_foot_straight_below_or_above_the_hip_gives_numbers():
         limbs = limbs_of("standing")
         limbs.paths[0, 3, -1] = np.array(foot) + [0.5, 0, 0]
         assert np.isfinite(start_poses(limbs, np.array([[1.0, 0, 0]]), ADULT).rotations).all()
+
+
+# Where the graph fails
+
+
+def test_upright_poses_stand_in_the_middle_and_face_four_ways():
+    middles = np.array([[0.5, -0.2, 0.9], [-1.0, 2.0, 1.1]])
+    poses = upright_poses(middles, ADULT)
+    assert poses.root.shape == (2, 4, 3)
+    assert poses.rotations.shape == (2, 4, 17, 3, 3)
+    np.testing.assert_array_equal(poses.root, np.repeat(middles[:, None], 4, 1))
+    np.testing.assert_allclose(poses.rotations[..., 0, :, 0], [[[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]]] * 2)
+    np.testing.assert_allclose(np.linalg.det(poses.rotations), 1.0)
+    for frame, middle in enumerate(middles):
+        # The template as it stands, turned about the vertical through its pelvis.
+        joints, rest = joints_of(poses, frame), ADULT.rest_joints
+        np.testing.assert_allclose(joints[0], middle + rest, atol=1e-6)
+        np.testing.assert_allclose(joints[1], middle + rest[:, [1, 0, 2]] * [-1, 1, 1], atol=1e-6)
+        np.testing.assert_allclose(joints[2], middle + rest * [-1, -1, 1], atol=1e-6)
+        np.testing.assert_allclose(joints[3], middle + rest[:, [1, 0, 2]] * [1, -1, 1], atol=1e-6)

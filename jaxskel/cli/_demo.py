@@ -22,7 +22,7 @@ from ._run import check_output
 
 def demo(
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write to.")],
-    frames: Annotated[int, typer.Option(min=1, help="Length of the scene.")] = 96,
+    frames: Annotated[int, typer.Option(min=1, help="Length of the scene.")] = 64,
     cameras: Annotated[int, typer.Option(min=3, help="Cameras around the person.")] = 8,
 ) -> None:
     """Make a scene, reconstruct it, score it against its truth, and draw it."""

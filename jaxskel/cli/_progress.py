@@ -54,10 +54,11 @@ def progress_bar(what: str, total: int) -> tuple[Progress, TaskID]:
 
 def reconstruct_with_progress(recording: Recording, settings: Settings, times: StageTimes) -> tuple[Poses, Prepared]:
     """Reconstruct a recording behind a progress bar."""
-    progress, task = progress_bar("reconstructing", len(recording))
+    progress, task = progress_bar("compiling, fitting the body", len(recording))
     with progress:
         with times("prepare"):
             prepared = prepare(recording, settings)
+        progress.update(task, description="reconstructing")
         parts = []
         for part in reconstruct_batches(recording, settings, prepared, times):
             parts.append(part)
