@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -35,12 +36,21 @@ def measured(masks: Sequence[np.ndarray], cameras: Cameras, lost: Sequence[bool]
     return jax.tree.map(lambda a: jnp.asarray(a)[1], found)
 
 
+def in_metres(found: SilhouetteDistances, points: np.ndarray) -> np.ndarray:
+    return np.asarray(_at(found, jnp.asarray(points, jnp.float32)))
+
+
+@eqx.filter_jit
+def _at(found: SilhouetteDistances, points: jax.Array) -> jax.Array:
+    return found.at(points)
+
+
 def at_pixels(found: SilhouetteDistances, view: int, pixels: Sequence, depth: float = 2.0) -> np.ndarray:
     """Distances (px) in a view at points that it sees at some pixels (u, v)."""
     pixels = np.atleast_2d(np.asarray(pixels, float))
     K = np.asarray(found.cameras.K[view])
     points = np.column_stack([depth * (pixels - K[:2, 2]) / FOCAL, np.full(len(pixels), depth)])
-    return np.asarray(found.at(jnp.asarray(points, jnp.float32))[view]) * FOCAL / depth
+    return in_metres(found, points)[view] * FOCAL / depth
 
 
 def disc(width: int, height: int, centre: tuple[float, float], radius: float) -> np.ndarray:
@@ -77,8 +87,7 @@ def test_metres_are_pixels_at_the_depth_of_the_point(depth):
     points = np.column_stack([(19.5 + x - 31.5) * depth / FOCAL, np.zeros(3), np.full(3, depth)])
     expected = np.sign(x) * (STEP * (np.abs(x) + 0.5) - 0.5)  # the first half pixel counts whole
     expected[1] = 0.0
-    got = np.asarray(found.at(jnp.asarray(points, jnp.float32))[0])
-    np.testing.assert_allclose(got, expected * depth / FOCAL, atol=0.05 * depth / FOCAL)
+    np.testing.assert_allclose(in_metres(found, points)[0], expected * depth / FOCAL, atol=0.05 * depth / FOCAL)
 
 
 def test_what_a_view_does_not_see_it_calls_inside():
@@ -86,7 +95,7 @@ def test_what_a_view_does_not_see_it_calls_inside():
     outside = [(-0.6, 24), (63.6, 24), (30, -0.6), (30, 47.6), (500, 24)]
     points = [[2 * (u - 31.5) / FOCAL, 2 * (v - 23.5) / FOCAL, 2.0] for u, v in outside]
     behind = [[0.0, 0.0, -2.0], [0.0, 0.0, 0.0]]
-    np.testing.assert_array_equal(found.at(jnp.asarray(points + behind, jnp.float32))[0], -1.0)
+    np.testing.assert_array_equal(in_metres(found, np.array(points + behind))[0], -1.0)
     # Half a pixel from the middle of the first and last pixels still belongs to the image.
     within = at_pixels(found, 0, [(-0.4, 24), (63.4, 24), (30, -0.4), (30, 47.4)])
     assert within[0] < -15
@@ -122,7 +131,8 @@ def test_a_person_cut_off_goes_on_beyond_the_edge(width, height):
 def test_large_images_are_measured_in_cells_of_several_pixels(width, height, step, edge):
     found = measured([left_of(edge, width, height)], standing((width, height)))
     assert float(found.step) == step
-    assert found.values.shape == (1, -(-height // step), -(-width // step))
+    # The array's rows are of whole bytes.
+    assert found.values.shape == (1, -(-height // step), -(-8 * -(-width // 8) // step))
     # Within the cell that the outline goes through, and beyond it in steps of a whole cell.
     np.testing.assert_allclose(at_pixels(found, 0, [(edge - 0.5, 20)]), 0.0, atol=0.1 * step)
     far = step * np.array([-5.0, -2.0, 2.0, 5.0])
