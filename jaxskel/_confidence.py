@@ -40,7 +40,7 @@ def searched_confidence(
     weight = np.exp(-np.clip(cost - cost[:, :1], -50.0, None) / _RIVAL_COST)
     agreeing = (weight[..., None] * there).sum(1) / weight.sum(1)[:, None]
     excess = np.maximum(cost[:, :1] - dear, 0.0)
-    return (agreeing * np.exp(-excess / _EXCESS_COST)).astype(np.float32)
+    return np.clip(agreeing * np.exp(-excess / _EXCESS_COST), 0.0, 1.0).astype(np.float32)
 
 
 def joint_confidence(
