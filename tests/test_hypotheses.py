@@ -21,15 +21,17 @@ def test_ordered_takes_poses_and_costs_along():
 
 
 def test_merged_keeps_the_cheapest_of_both_where_asked():
-    old, new = (
-        hypotheses([[2.0, 4.0], [2.0, 4.0], [2.0, 4.0]]),
-        hypotheses([[1.0, 3.0, 9.0], [1.0, 3.0, 9.0], [2.0, 4.0, 9.0]]),
-    )
-    both = old.merged(new, np.array([True, False, True]))
+    old = hypotheses([[2.0, 4.0], [2.0, 4.0], [2.0, 4.0]])
+    frames = np.array([2, 0])
+    new = hypotheses([[2.0, 5.0, 9.0], [1.0, 3.0, 9.0]])  # of these frames only
+    both = old.merged(new, frames)
     np.testing.assert_array_equal(both.cost, [[1.0, 2.0], [2.0, 4.0], [2.0, 2.0]])
     np.testing.assert_array_equal(both.poses.root[..., 2], both.cost)
-    np.testing.assert_array_equal(both.poses.root[..., 0], [[0, 0], [1, 1], [2, 2]])
-    np.testing.assert_array_equal(old.merged(new, np.zeros(3, bool)).cost, old.cost)
+    # Whose they are: the second row of the new ones, then old ones; of equally cheap ones the old one is first.
+    np.testing.assert_array_equal(both.poses.root[..., 0], [[1, 0], [1, 1], [2, 0]])
+    np.testing.assert_array_equal(old.cost, [[2.0, 4.0]] * 3)
+    none = old.merged(new.ordered(np.zeros((2, 3), int)).merged(new, frames[:0]), frames)
+    np.testing.assert_array_equal(none.cost, [[1.0, 1.0], [2.0, 4.0], [2.0, 2.0]])
 
 
 def test_first_is_the_beginning_of_each_frame():
