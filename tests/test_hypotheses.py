@@ -1,5 +1,6 @@
 """Hypotheses of poses: ordered, merged, cut off."""
 
+import jax
 import numpy as np
 
 from jaxskel import Hypotheses, Pose
@@ -30,8 +31,8 @@ def test_merged_keeps_the_cheapest_of_both_where_asked():
     # Whose they are: the second row of the new ones, then old ones; of equally cheap ones the old one is first.
     np.testing.assert_array_equal(both.poses.root[..., 0], [[1, 0], [1, 1], [2, 0]])
     np.testing.assert_array_equal(old.cost, [[2.0, 4.0]] * 3)
-    none = old.merged(new.ordered(np.zeros((2, 3), int)).merged(new, frames[:0]), frames)
-    np.testing.assert_array_equal(none.cost, [[1.0, 1.0], [2.0, 4.0], [2.0, 2.0]])
+    nothing = jax.tree.map(lambda a: a[:0], new)
+    np.testing.assert_array_equal(old.merged(nothing, frames[:0]).cost, old.cost)
 
 
 def test_first_is_the_beginning_of_each_frame():
