@@ -19,6 +19,10 @@ class Contours(eqx.Module):
     directions: Float[Array | np.ndarray, "*frames rays 3"]
     """Unit vectors."""
 
+    def thinned(self, factor: int) -> "Contours":
+        """One ray of so many: rays are in no order."""
+        return Contours(self.centres[..., ::factor, :], self.directions[..., ::factor, :])
+
 
 def contours(
     silhouettes: UInt8[np.ndarray, "frames cams h w8"],

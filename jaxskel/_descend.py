@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from ._skeleton import Pose, Skeleton
 from .parametrisations import HingedLimbs
-from .terms import Objective, Observed, place
+from .terms import CapsuleTerm, Objective, Observed, place
 
 # Of the normal matrix: absolute, for unknowns that nothing holds, and as a share of its diagonal.
 _DAMPING, _RELATIVE_DAMPING = 0.1, 1e-3
@@ -22,16 +22,28 @@ def descend(
     objective: Objective, parametrisation: HingedLimbs, skeleton: Skeleton, pose: Pose, observed: Observed
 ) -> Pose:
     """Let the pose of one frame descend by one damped Gauss-Newton step."""
-    fixed = objective.correspond(place(skeleton, pose), observed)
+    placed = place(skeleton, pose)
+    capsules = [term for term in objective.terms.values() if isinstance(term, CapsuleTerm)]
+    others = Objective({name: term for name, term in objective.terms.items() if not isinstance(term, CapsuleTerm)})
+    fixed = others.correspond(placed, observed)
 
-    def residuals(unknowns: Float[Array, " unknowns"]) -> Float[Array, " rows"]:
+    def moved(unknowns: Float[Array, " unknowns"]) -> tuple[Float[Array, " rows"], list[Array]]:
         body = place(skeleton, parametrisation.nearby(unknowns, pose, skeleton))
-        return jnp.concatenate([r.ravel() for r in objective.residuals(body, observed, fixed).values()])
+        rows = [jnp.zeros(1), *(r.ravel() for r in others.residuals(body, observed, fixed).values())]
+        return jnp.concatenate(rows), [term.ends(body).reshape(-1, 6) for term in capsules]
 
     zeros = parametrisation.unknowns()
-    value, tangent = jax.linearize(residuals, zeros)
-    jacobian = jax.vmap(tangent)(jnp.eye(len(zeros)))  # unknowns x rows
-    matrix = jacobian @ jacobian.T
+    (value, _), tangent = jax.linearize(moved, zeros)
+    jacobian, ends = jax.vmap(tangent)(jnp.eye(len(zeros)))  # unknowns x rows, unknowns x capsules x 6
+    matrix, gradient = jacobian @ jacobian.T, jacobian @ value
+    for term, change in zip(capsules, ends, strict=True):
+        quadrics = term.quadrics(placed, observed)
+        # Written out by components: rows of capsules are long enough for a processor, small matrices are not.
+        parts = [change[..., i] for i in range(6)]
+        pulled = [sum(part * quadrics.matrix[None, :, i, j] for j, part in enumerate(parts)) for i in range(6)]
+        across = jnp.concatenate(parts, 1)
+        matrix = matrix + term.weight * jnp.concatenate(pulled, 1) @ across.T
+        gradient = gradient - term.weight * across @ quadrics.vector.T.ravel()
     damped = matrix + jnp.diag(_DAMPING + _RELATIVE_DAMPING * jnp.diagonal(matrix))
-    unknowns = -jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(damped, lower=True), jacobian @ value)
+    unknowns = -jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(damped, lower=True), gradient)
     return parametrisation.pose(jnp.clip(unknowns, -_REACH, _REACH), pose, skeleton)

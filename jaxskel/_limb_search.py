@@ -100,30 +100,36 @@ def score_limb(
     """Score the table of one limb by hull, trunk and unexplained outlines."""
     inside, collision = _term(objective, InsideSilhouettes), _term(objective, ArmCollision)
     contact = _term(objective, ContourContact)
+    silhouettes = observed.silhouettes
     assert observed.contours is not None
+    assert silhouettes is not None
     placed = place(body.skeleton, pose)
     parent, upper = (_segment(limb, part) for part in (0, 1))
     origin, turned = placed.origins[upper], placed.rotations[parent]
     radii = _radii(body, limb)
-    table = jnp.asarray(limb.table.points)
-    samples = origin[None, None] + table @ turned.T
+    uppers, lowers, direction = (
+        jnp.asarray(a) for a in (limb.table.upper_points, limb.table.lower_points, limb.table.direction)
+    )
+    uppers, lowers = (origin[None, None] + points @ turned.T for points in (uppers, lowers))
 
-    each = _SAMPLES * inside.weight / (len(body.links) * 3)
-    flat = samples.reshape(-1, 3)
-    outside = each * inside.costs(flat, jnp.tile(radii, len(samples)), observed).reshape(-1, len(radii)).sum(1)
-    cost, index = _cheapest(outside, _INSIDE)
+    def outside(points: Float[Array, "poses points 3"], radii: Float[Array, " points"]) -> Float[Array, " poses"]:
+        away = silhouettes.near(points.reshape(-1, 3))
+        costs = inside.costs(away, jnp.tile(radii, len(points)), silhouettes.misses)
+        return _SAMPLES * inside.weight / (len(body.links) * 3) * costs.reshape(len(points), -1).sum(1)
+
+    cost, index = _cheapest(outside(uppers, radii[:2])[direction] + outside(lowers, radii[2:]), _INSIDE)
     if limb.kind == "arm":
         ends, capsule_radii = _capsules(
             body, capsule_ends(body, placed.origins, placed.rotations), ~limb_capsules("l_arm", "r_arm") & ~_GIRDLE
         )
-        lower = samples[index, 1:].reshape(-1, 3)
-        _, distance = nearest_capsule(lower, ends, capsule_radii)
+        low = jnp.concatenate([uppers[direction[index], 1:], lowers[index]], 1).reshape(-1, 3)
+        _, distance = nearest_capsule(low, ends, capsule_radii)
         depth = jnp.maximum(collision.share * radii[None, 1:] - distance.reshape(-1, 4), 0.0)
         cost = cost + collision.weight * jnp.minimum(depth**2, collision.limit**2).sum(1)
     cost, best = _cheapest(cost, _OUTSIDE)
     index = index[best]
 
-    chosen = samples[index]
+    chosen = jnp.concatenate([uppers[direction[index]], lowers[index]], 1)
     tip = chosen[:, 4] + 0.5 * (chosen[:, 4] - chosen[:, 3])
     starts = jnp.stack([jnp.broadcast_to(origin, tip.shape), chosen[:, 1], chosen[:, 3]], 1)
     stops = jnp.stack([chosen[:, 1], chosen[:, 3], tip], 1)

@@ -2,13 +2,15 @@
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ._rotations import aligning, turn_about
 from ._skeleton import JOINT_NAMES, PIVOT_NAMES, Skeleton, hinge_axes
 
 _DOWN = np.array([0.0, 0.0, -1.0])
 _HINGES = ("l_elbow", "r_elbow", "l_knee", "r_knee")
+# Number of the upper bone's direction, its twist, flexion of the hinge (rad).
+_Row = tuple[int, float, float]
 
 
 class LimbTable(eqx.Module):
@@ -18,9 +20,12 @@ class LimbTable(eqx.Module):
     """Rotation of upper arm or thigh, from the body frame at rest to the frame of chest or pelvis."""
     lower: Float[Array | np.ndarray, "poses 3 3"]
     """Rotation of forearm or shank, likewise; hand or foot turns with it."""
-    points: Float[Array | np.ndarray, "poses points=5 3"]
-    """From shoulder or hip (m): middle of the upper bone, elbow or knee, middle of the lower bone, wrist or ankle,
-    palm or ball of the foot."""
+    direction: Int[Array | np.ndarray, " poses"]
+    """Many poses have the upper bone in the same direction; which one."""
+    upper_points: Float[Array | np.ndarray, "directions points=2 3"]
+    """From shoulder or hip (m): middle of the upper bone, elbow or knee."""
+    lower_points: Float[Array | np.ndarray, "poses points=3 3"]
+    """Likewise: middle of the lower bone, wrist or ankle, palm or ball of the foot."""
 
 
 def arm_table(skeleton: Skeleton, side: str) -> LimbTable:
@@ -35,14 +40,14 @@ def arm_table(skeleton: Skeleton, side: str) -> LimbTable:
     directions = _sphere(140)
     x, y, z = directions.T
     directions = directions[(y > -0.65) & (x > -0.75) & ~((x < -0.3) & (z > 0.3))]
-    rows: list[tuple[np.ndarray, float, float]] = []
-    for direction in directions:
+    rows: list[_Row] = []
+    for number, direction in enumerate(directions):
         for flexion in (0.15, 0.6, 1.05, 1.5, 1.95, 2.35):
             twists = np.radians(np.arange(-60, 121, 30))
             if direction[2] > 0.6:  # raised, a shoulder twists farther before the forearm meets the head
                 twists = np.radians(np.arange(-150, 181, 40))
-            rows += [(direction, twist, flexion) for twist in (twists if flexion > 0.3 else [0.0])]
-    return _table(skeleton, side, "arm", rows)
+            rows += [(number, twist, flexion) for twist in (twists if flexion > 0.3 else [0.0])]
+    return _table(skeleton, side, "arm", directions, rows)
 
 
 def leg_table(skeleton: Skeleton, side: str) -> LimbTable:
@@ -50,15 +55,15 @@ def leg_table(skeleton: Skeleton, side: str) -> LimbTable:
     directions = _sphere(160)
     x, y, z = directions.T
     directions = directions[(y > -0.55) & (y < 0.95) & (x > -0.55) & (z < 0.55)]
-    rows: list[tuple[np.ndarray, float, float]] = []
-    for direction in directions:
+    rows: list[_Row] = []
+    for number in range(len(directions)):
         for flexion in (0.1, 0.6, 1.1, 1.6, 2.1):
             twists = np.radians([-45, -15, 15, 45]) if flexion > 0.3 else [0.0]
-            rows += [(direction, twist, flexion) for twist in twists]
-    return _table(skeleton, side, "leg", rows)
+            rows += [(number, twist, flexion) for twist in twists]
+    return _table(skeleton, side, "leg", directions, rows)
 
 
-def _table(skeleton: Skeleton, side: str, kind: str, rows: list[tuple[np.ndarray, float, float]]) -> LimbTable:
+def _table(skeleton: Skeleton, side: str, kind: str, directions: np.ndarray, rows: list[_Row]) -> LimbTable:
     names = ("shoulder", "elbow", "wrist", "hand") if kind == "arm" else ("hip", "knee", "ankle", "foot")
     known: dict[str, np.ndarray] = dict(
         zip(JOINT_NAMES + PIVOT_NAMES, np.concatenate([skeleton.rest_joints, skeleton.pivots]), strict=True)
@@ -72,16 +77,21 @@ def _table(skeleton: Skeleton, side: str, kind: str, rows: list[tuple[np.ndarray
     hanging = _basis(_DOWN, across) @ _basis(bone, axis).T
 
     mirror = np.array([1.0, 1.0 if side == "l" else -1.0, 1.0])
-    directions = np.stack([direction for direction, _, _ in rows]) * mirror
+    directions = directions * mirror
+    number = np.array([number for number, _, _ in rows], np.int32)
     twists = np.array([twist for _, twist, _ in rows]) * mirror[1]
     flexions = np.array([flexion for _, _, flexion in rows])
-    swing = aligning(np.broadcast_to(_DOWN, directions.shape), directions)
-    upper = turn_about(directions, twists) @ swing @ hanging
-    lower = upper @ turn_about(np.broadcast_to(axis, directions.shape), flexions - at_rest)
+    swing = aligning(np.broadcast_to(_DOWN, directions.shape), directions)[number]
+    upper = turn_about(directions[number], twists) @ swing @ hanging
+    lower = upper @ turn_about(np.broadcast_to(axis, (len(rows), 3)), flexions - at_rest)
     hinge = upper @ (middle - top)
     offsets = (0.5 * (pivot - middle), pivot - middle, end - middle)
-    points = np.stack([0.5 * hinge, hinge, *(hinge + lower @ offset for offset in offsets)], 1)
-    return LimbTable(*(a.astype(np.float32) for a in (upper, lower, points)))
+    points = np.stack([hinge + lower @ offset for offset in offsets], 1)
+    # A twist about the upper bone leaves it where it is.
+    bones = np.linalg.norm(middle - top) * directions
+    uppers = np.stack([0.5 * bones, bones], 1)
+    single = (a.astype(np.float32) for a in (uppers, points))
+    return LimbTable(upper.astype(np.float32), lower.astype(np.float32), number, *single)
 
 
 def _sphere(count: int) -> Float[np.ndarray, "count 3"]:

@@ -102,15 +102,22 @@ def observed_graph(limbs: Limbs) -> Observed:
 
 
 def observed_volume(
-    limbs: Limbs, seen: Seen, silhouettes: UInt8[np.ndarray, "frames cams h w8"], cameras: Cameras, misses: int
+    limbs: Limbs,
+    seen: Seen,
+    silhouettes: UInt8[np.ndarray, "frames cams h w8"],
+    cameras: Cameras,
+    misses: int,
+    needs_hull: bool = False,
 ) -> Observed:
-    """What graph, hull and outlines say: of the frames with a person, of whom there must be one."""
-    assert seen.hulls is not None
-    field, surface = hull_volumes(seen.hulls)
+    """What graph, outlines and, on demand, the hull say: of the frames with a person, of whom there must be one."""
     outlines = contours(silhouettes[seen.frames], cameras, seen.lost[seen.frames])
     # Carving is sparing with misses, which make a hull fat; here the outlines say how thin the body is.
     misses = misses + 1 if misses else 0
     distances = silhouette_distances(silhouettes[seen.frames], cameras, seen.lost[seen.frames], misses)
+    field, surface = None, None
+    if needs_hull:
+        assert seen.hulls is not None
+        field, surface = hull_volumes(seen.hulls)
     return Observed(limbs.paths, limbs.found, limbs.neck, limbs.pelvis, field, surface, outlines, distances)
 
 

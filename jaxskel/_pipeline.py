@@ -27,7 +27,7 @@ from ._solve import Hypotheses, make_model, solve_frames, unexplained_shares
 from ._stacks import padded, single_precision
 from ._starts import start_poses, upright_poses
 from ._track import Track, track_frames
-from .terms import Observed
+from .terms import Objective, Observed
 
 BATCH = FRAMES_PER_WORD
 # A body whose ways from head to feet differ by more than this share from the template's is not this person, or not
@@ -56,6 +56,7 @@ def reconstruct_batch(
     joints, tips = np.full((count, 15, 3), np.nan, np.float32), np.full((count, 5, 3), np.nan, np.float32)
     confidence, sides = np.zeros((count, 15), np.float32), np.full(count, 0.5, np.float32)
     cameras = recording.cameras.rotated(prepared.to_z_up)
+    objective = settings.objective_for(prepared.body)
     seen = see_people(silhouettes, cameras, prepared, settings, stopwatch)
     status, good = seen.status, seen.frames
     if len(good):
@@ -67,7 +68,7 @@ def reconstruct_batch(
             initial = initial_poses(limbs, facing, prepared.skeleton)
         else:
             with stopwatch("search"):
-                observed = observed_volume(limbs, seen, silhouettes, cameras, prepared.max_misses)
+                observed = observed_volume(limbs, seen, silhouettes, cameras, prepared.max_misses, objective.needs_hull)
                 starts = start_poses(limbs, facing, prepared.skeleton)
                 fallback = upright_poses(middles_of_people(seen, silhouettes, cameras), prepared.skeleton)
                 search, model = settings.search.relative_to(prepared.typical_cost), make_model(prepared.body)
@@ -81,7 +82,7 @@ def reconstruct_batch(
                 plausible = _unexplained(initial, observed, prepared.body) < _UNEXPLAINED
                 trust = searched_confidence(_joints(found, prepared.skeleton), found.cost, search.dear)
         with stopwatch("refine"):
-            refined = _refined(initial, observed, prepared, settings)
+            refined = _refined(initial, observed, prepared, objective, settings)
         status[good[~plausible]] = Status.NO_MATCH
         fitted = plausible & refined.finite
         status[good[plausible & ~refined.finite]] = Status.FAILED
@@ -128,10 +129,11 @@ def reconstruct(recording: Recording, settings: Settings | None = None) -> Poses
     return join_poses(reconstruct_batches(recording, settings))
 
 
-def _refined(initial: Pose, observed: Observed, prepared: Prepared, settings: Settings) -> Refined:
+def _refined(
+    initial: Pose, observed: Observed, prepared: Prepared, objective: Objective, settings: Settings
+) -> Refined:
     """Refine the poses of some frames of a batch."""
     count = len(initial.root)
-    objective = settings.objective_for(prepared.body)
     refined = refine_frames(
         single_precision(objective), settings.parametrisation, settings.solver, single_precision(prepared.skeleton),
         padded(initial, BATCH), padded(observed, BATCH), settings.rounds, settings.max_steps,

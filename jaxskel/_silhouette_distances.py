@@ -11,13 +11,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt8
 
-from ._camera import Cameras, project
+from ._camera import Cameras, in_cameras, lens_slopes, on_images, project
 from ._recording import unpack_silhouettes
 
 # Values stand this many to a side of the image at most: finer ones say the same.
 _MOST_CELLS = 320
 # Distances (px) are exact so far from the silhouette, and never larger.
 _FARTHEST = 40
+# What a view tells that tells nothing (m): well inside.
+_NOTHING = -1.0
 
 
 class SilhouetteDistances(eqx.Module):
@@ -37,25 +39,69 @@ class SilhouetteDistances(eqx.Module):
 
         Far inside (-1 m) where a view tells nothing: outside of its image, behind it, or where it has lost the person.
         """
-        rows, columns = self.values.shape[-2:]
         u, v, depth = (jnp.asarray(a) for a in project(self.cameras, points))
-        # Values stand at the middles of their cells.
+        seen, distance, _ = self._interpolated(u, v)
+        return jnp.where(seen, distance * depth / self._focal, _NOTHING)
+
+    def near(self, points: Float[Array, "points 3"]) -> Float[Array, "cams points"]:
+        """The same without interpolation, in a third of the time and without a gradient."""
+        u, v, depth = (jnp.asarray(a) for a in project(self.cameras, points))
+        seen, x, y = self._cells(u, v)
+        distance = self._value(jnp.round(y).astype(jnp.int32), jnp.round(x).astype(jnp.int32))
+        return jnp.where(seen, distance * depth / self._focal, _NOTHING)
+
+    def with_gradient(
+        self, points: Float[Array, "points 3"]
+    ) -> tuple[Float[Array, "cams points"], tuple[Float[Array, "cams points"], ...]]:
+        """What `at` gives, and its gradient by x, y and z."""
+        right, low, depth = (jnp.asarray(a) for a in in_cameras(self.cameras, points))
+        u, v = on_images(self.cameras, right, low, depth)
+        seen, distance, (along_u, along_v) = self._interpolated(u, v)
+        x, y = (jnp.where(seen, a / depth, 0.0) for a in (right, low))
+        u_by_x, u_by_y, v_by_x, v_by_y = lens_slopes(self.cameras, x, y)
+        by_x, by_y = along_u * u_by_x + along_v * v_by_x, along_u * u_by_y + along_v * v_by_y
+        # Of the distance in pixels times the depth, by a point in the frame of each camera.
+        slopes = (by_x, by_y, distance - x * by_x - y * by_y)
+        slopes = tuple(jnp.where(seen, slope / self._focal, 0.0) for slope in slopes)
+        turned = jnp.asarray(self.cameras.R)
+        gradient = (sum(slopes[row] * turned[:, row, axis, None] for row in range(3)) for axis in range(3))
+        found = jnp.where(seen, distance * depth / self._focal, _NOTHING), tuple(gradient)
+        # Without it the compiler works all this out again for each sum that is made of it.
+        return jax.lax.optimization_barrier(found)
+
+    @property
+    def _focal(self) -> Float[Array, "cams 1"]:
+        K = jnp.asarray(self.cameras.K)
+        return (K[:, 0, 0] + K[:, 1, 1])[:, None] / 2
+
+    def _cells(
+        self, u: Float[Array, "cams points"], v: Float[Array, "cams points"]
+    ) -> tuple[Bool[Array, "cams points"], Float[Array, "cams points"], Float[Array, "cams points"]]:
+        """Whether image points (px) are seen, and where they are in the grid, whose values are cells' means."""
+        rows, columns = self.values.shape[-2:]
         x, y = ((a + 0.5) / self.step - 0.5 for a in (u, v))
         seen = (x > -0.5) & (y > -0.5) & (x < columns - 0.5) & (y < rows - 0.5)  # false for NaN
         x, y = jnp.where(seen, x, 0.0), jnp.where(seen, y, 0.0)
-        x, y = jnp.clip(x, 0.0, columns - 1.001), jnp.clip(y, 0.0, rows - 1.001)
+        return seen, jnp.clip(x, 0.0, columns - 1.001), jnp.clip(y, 0.0, rows - 1.001)
+
+    def _value(self, row: Int[Array, "cams points"], column: Int[Array, "cams points"]) -> Float[Array, "cams points"]:
+        """Of cells (px)."""
+        rows, columns = self.values.shape[-2:]
+        view = jnp.arange(len(row), dtype=jnp.int32)[:, None] * (rows * columns)
+        return jnp.asarray(self.values).reshape(-1).at[view + row * columns + column].get(mode="promise_in_bounds")
+
+    def _interpolated(
+        self, u: Float[Array, "cams points"], v: Float[Array, "cams points"]
+    ) -> tuple[Bool[Array, "cams points"], Float[Array, "cams points"], tuple[Float[Array, "cams points"], ...]]:
+        """Whether image points (px) are seen, the distances there (px), and their slopes along u and v."""
+        seen, x, y = self._cells(u, v)
         column, row = jnp.floor(x).astype(jnp.int32), jnp.floor(y).astype(jnp.int32)
         x, y = x - column, y - row
-        flat = jnp.asarray(self.values).reshape(-1)
-        view = jnp.arange(len(u), dtype=jnp.int32)[:, None] * (rows * columns)
-        first = view + row * columns + column
-
-        def corner(down: int, right: int) -> Array:
-            return flat.at[first + (down * columns + right)].get(mode="promise_in_bounds")
-
-        upper, lower = (corner(down, 0) * (1 - x) + corner(down, 1) * x for down in (0, 1))
-        focal = (self.cameras.K[:, 0, 0] + self.cameras.K[:, 1, 1])[:, None] / 2
-        return jnp.where(seen, (upper * (1 - y) + lower * y) * depth / focal, -1.0)
+        a, b = self._value(row, column), self._value(row, column + 1)
+        c, d = self._value(row + 1, column), self._value(row + 1, column + 1)
+        upper, lower = a * (1 - x) + b * x, c * (1 - x) + d * x
+        slope = ((b - a) * (1 - y) + (d - c) * y) / self.step, (lower - upper) / self.step
+        return seen, upper * (1 - y) + lower * y, slope
 
 
 def silhouette_distances(

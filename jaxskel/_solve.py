@@ -35,6 +35,8 @@ _GAIN = 0.3
 _NEAR = 0.04
 # What is dear, relative to the typical cost: a share and an offset.
 _DEAR = 1.25, 6.0
+# Steps look at one of so many rays; what a pose costs is told by all.
+_THINNED = 3
 
 
 class Search(eqx.Module):
@@ -238,10 +240,12 @@ def fit_hypothesis(
     objective: Objective, skeleton: Skeleton, pose: Pose, observed: Observed, scales: tuple[Array, Array]
 ) -> tuple[Pose, Float[Array, ""]]:
     """Let one hypothesis of one frame descend; also what it costs then, infinite where that is no number."""
+    assert observed.contours is not None
+    thinned = eqx.tree_at(lambda o: o.contours, observed, observed.contours.thinned(_THINNED))
 
     def step(number: Array, pose: Pose) -> Pose:
         scaled = eqx.tree_at(lambda o: o.terms["contours"].scale, objective, scales[0][number])
-        return descend(scaled, _HINGED, skeleton, pose, observed)
+        return descend(scaled, _HINGED, skeleton, pose, thinned)
 
     pose = jax.lax.fori_loop(0, scales[1], step, pose)
     cost = sum(objective.costs(place(skeleton, pose), observed).values(), jnp.zeros(()))

@@ -96,7 +96,7 @@ def test_quadrics_are_dense_sums():
             jnp.asarray(ends),
             jnp.asarray(which, jnp.int32),
             *(jnp.asarray(a) for a in (part, normal, distance, weight)),
-        )
+        ).rows()
         for spread in (0.0, 0.1, 3.0):
             shift = spread * rng.normal(size=ends.shape)
             foot = (1 - part)[:, None] * shift[which, 0] + part[:, None] * shift[which, 1]

@@ -43,7 +43,8 @@ def sloping(offsets: list[float], slopes: list[float], misses: int = 0) -> Obser
 
 @eqx.filter_jit
 def costs(term: InsideSilhouettes, points: jax.Array, radii: jax.Array, seen: Observed) -> jax.Array:
-    return term.costs(points, radii, seen)
+    assert seen.silhouettes is not None
+    return term.costs(seen.silhouettes.at(points), radii, seen.silhouettes.misses)
 
 
 @eqx.filter_jit

@@ -18,6 +18,7 @@ from ._hinges import HingeLimits as HingeLimits
 from ._inner_nodes import InnerNodeAttraction as InnerNodeAttraction
 from ._inside_hull import InsideHull as InsideHull
 from ._inside_silhouettes import InsideSilhouettes as InsideSilhouettes
+from ._quadrics import CapsuleTerm as CapsuleTerm
 from ._rest_prior import RestPrior as RestPrior
 from ._rest_prior import firmness as firmness
 from ._surface_coverage import SurfaceCoverage as SurfaceCoverage

@@ -3,7 +3,7 @@
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from .._body import Body, ball_centres
 from .._capsules import all_distances, toward_capsule
@@ -15,10 +15,10 @@ _FOREARM = np.array([name[2:] in ("forearm", "hand") for name in SEGMENT_NAMES])
 
 
 class Contacts(eqx.Module):
-    """The capsule of trunk, head or leg that is nearest to each ball, and where."""
+    """What is nearest to each ball of the capsules of trunk, head and legs."""
 
-    capsule: Int[Array, " balls"]
-    part: Float[Array, " balls"]
+    relative: Float[Array, "balls balls"]
+    """By these shares of all displacements a ball moves relative to what is nearest to it."""
     normal: Float[Array, "balls 3"]
     centres: Float[Array, "balls 3"]
     depth: Float[Array, " balls"]
@@ -45,14 +45,15 @@ class ArmCollision(AbstractTerm):
         which = which.astype(jnp.int32)
         distance, part, normal = toward_capsule(centres, ends[which], capsule_radii[which])
         depth = jnp.where(jnp.asarray(_FOREARM)[segments], self.share * radii - distance, -1e3)
-        return Contacts(which, part, normal, centres, depth)
+        numbers = jnp.arange(len(centres), dtype=jnp.int32)
+        first, last = ((links[which, end][:, None] == numbers[None]).astype(part.dtype) for end in (0, 1))
+        relative = jnp.eye(len(centres)) - (1 - part)[:, None] * first - part[:, None] * last
+        return Contacts(relative, normal, centres, depth)
 
     def residual(self, body: PlacedBody, observed: Observed, fixed: Contacts) -> Float[Array, " balls"]:
         """Depths of penetration (m), zero outside."""
         moved = jnp.asarray(ball_centres(self.body, body.origins, body.rotations)) - fixed.centres
-        ends = moved[jnp.asarray(self.body.links)[fixed.capsule]]
-        other = (1 - fixed.part)[:, None] * ends[:, 0] + fixed.part[:, None] * ends[:, 1]
-        return jnp.maximum(fixed.depth - (fixed.normal * (moved - other)).sum(-1), 0.0)
+        return jnp.maximum(fixed.depth - (fixed.normal * (fixed.relative @ moved)).sum(-1), 0.0)
 
     def cost(self, body: PlacedBody, observed: Observed) -> Float[Array, ""]:
         """Sum of squared depths (m^2) up to the limit."""

@@ -1,6 +1,6 @@
 """What every term sees and gives: the placed body, the observed frame, the weighted objective."""
 
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -54,6 +54,9 @@ def place(skeleton: Skeleton, pose: Pose) -> PlacedBody:
 class AbstractTerm(eqx.Module):
     """One residual of the objective. The weight multiplies its squared norm; to switch a term off, leave it out."""
 
+    needs_hull: ClassVar[bool] = False
+    """Whether ``observed.field`` and ``observed.surface`` are looked at, which take time to make."""
+
     weight: eqx.AbstractVar[Float[Array, ""]]
 
     def correspond(self, body: PlacedBody, observed: Observed) -> PyTree:
@@ -73,6 +76,11 @@ class Objective(eqx.Module):
     """A named collection of weighted terms. New weights or data of the same shapes do not compile again."""
 
     terms: dict[str, AbstractTerm]
+
+    @property
+    def needs_hull(self) -> bool:
+        """Whether any of the terms looks at ``observed.field`` or ``observed.surface``."""
+        return any(term.needs_hull for term in self.terms.values())
 
     def correspond(self, body: PlacedBody, observed: Observed) -> dict[str, PyTree]:
         """Look up the correspondences of all terms."""

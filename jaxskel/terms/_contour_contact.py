@@ -4,13 +4,13 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._body import Body, capsule_ends
+from .._body import Body
 from .._capsules import Grazed, nearest_to_rays
-from ._base import AbstractTerm, Observed, PlacedBody
-from ._quadrics import Quadrics, make_quadrics
+from ._base import Observed, PlacedBody
+from ._quadrics import CapsuleTerm, Quadrics, make_quadrics
 
 
-class ContourContact(AbstractTerm):
+class ContourContact(CapsuleTerm):
     """Distance of each viewing ray through an outline of a silhouette to its nearest capsule of the body.
 
     Where views are few the surface of the hull is mostly not the body's, but every outline is: what no view tells
@@ -26,15 +26,11 @@ class ContourContact(AbstractTerm):
     limit: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.06)
     """Distance (m) beyond which the cost of a ray does not grow."""
 
-    def correspond(self, body: PlacedBody, observed: Observed) -> Quadrics:
+    def quadrics(self, body: PlacedBody, observed: Observed) -> Quadrics:
         """Nearest capsule, tangent plane and weight of each ray, summed up by capsule."""
         ends, near = self._nearest(body, observed)
         weight = 1 / (1 + (near.distance / self.scale) ** 2) ** 2 * jnp.where(near.distance < 0, self.inner, 1.0)
         return make_quadrics(ends, near.capsule, near.part, near.normal, near.distance, weight / len(weight))
-
-    def residual(self, body: PlacedBody, observed: Observed, fixed: Quadrics) -> Float[Array, " rows"]:
-        """Weighted distances (m) to the tangent planes; their squared norm is a mean over the rays."""
-        return fixed.residual(jnp.asarray(capsule_ends(self.body, body.origins, body.rotations)))
 
     def cost(self, body: PlacedBody, observed: Observed) -> Float[Array, ""]:
         """Squared distances (m^2) up to the limit, as a mean over the rays."""
@@ -43,7 +39,7 @@ class ContourContact(AbstractTerm):
 
     def _nearest(self, body: PlacedBody, observed: Observed) -> tuple[Float[Array, "capsules 2 3"], Grazed]:
         assert observed.contours is not None, "ContourContact needs observed.contours: see contours"
-        ends = jnp.asarray(capsule_ends(self.body, body.origins, body.rotations))
+        ends = self.ends(body)
         radii = jnp.asarray(self.body.radii)[self.body.links]
         centres, directions = jnp.asarray(observed.contours.centres), jnp.asarray(observed.contours.directions)
         return ends, nearest_to_rays(centres, directions, ends, radii)

@@ -16,6 +16,8 @@ _PLACES = np.array([1 / 6, 1 / 2, 5 / 6])
 class InsideHull(AbstractTerm):
     """How far points on the axes of the capsules come closer to the hull's surface than most of their radius."""
 
+    needs_hull = True
+
     body: Body
     weight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=1.0)
     share: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.7)
@@ -29,7 +31,7 @@ class InsideHull(AbstractTerm):
         Float[Array, "samples 3"], Float[Array, " samples"], Float[Array, "samples 3"], Float[Array, " samples"]
     ]:
         """Points on the axes, by how much they stick out, the gradient of that, and their robust weights."""
-        assert observed.field is not None, "InsideHull needs observed.field: see hull_volume"
+        assert observed.field is not None, "InsideHull needs observed.field: see hull_volumes"
         points = self._points(body)
         distance, gradient = jax.vmap(jax.value_and_grad(observed.field.at))(points)
         out = distance + self.share * self._radius
@@ -49,7 +51,7 @@ class InsideHull(AbstractTerm):
 
     def cost(self, body: PlacedBody, observed: Observed) -> Float[Array, ""]:
         """Squared depths (m^2) up to the scale, as a mean over the points."""
-        assert observed.field is not None, "InsideHull needs observed.field: see hull_volume"
+        assert observed.field is not None, "InsideHull needs observed.field: see hull_volumes"
         out = jnp.maximum(observed.field.at(self._points(body)) + self.share * self._radius, 0.0)
         return jnp.minimum(out**2, self.scale**2).mean()
 

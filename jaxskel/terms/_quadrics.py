@@ -1,4 +1,4 @@
-"""Sums of squared distances between capsules and whatever they should touch, as one quadric for each capsule."""
+"""Squared distances between capsules and whatever they should touch, summed up to one quadric for each capsule."""
 
 import equinox as eqx
 import jax
@@ -6,16 +6,39 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from .._body import Body, capsule_ends
+from ._base import AbstractTerm, Observed, PlacedBody
+
 PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 """Components of which a symmetric matrix is made."""
 _SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]], np.int32)
 
 
 class Quadrics(eqx.Module):
-    """Weighted squared distances, linearised in the ends of the capsules.
+    """Weighted squared distances, linearised in the ends of the capsules: all that a step of Gauss-Newton can know.
 
-    However many points there are, six rows for each capsule hold all that a step of Gauss-Newton can know of them.
+    However many points there are, moving the ends of a capsule by d changes what its points cost by
+    d . matrix d - 2 vector . d.
     """
+
+    ends: Float[Array, "capsules 6"]
+    """Where the capsules' two ends were (m)."""
+    matrix: Float[Array, "capsules 6 6"]
+    vector: Float[Array, "capsules 6"]
+    squared: Float[Array, ""]
+    """Weighted sum of the squared distances before (m^2)."""
+
+    def rows(self) -> "QuadricRows":
+        """As rows of a least squares problem."""
+        # A capsule's twist, and what no point lies on, are seen by nothing.
+        lower = jnp.linalg.cholesky(self.matrix + 1e-6 * jnp.eye(6)[None])
+        goal = jax.vmap(lambda a, b: jax.scipy.linalg.solve_triangular(a, b, lower=True))(lower, self.vector)
+        left = jnp.maximum(self.squared - (goal**2).sum(), 0.0)
+        return QuadricRows(self.ends, lower.swapaxes(1, 2), goal, jnp.sqrt(left + 1e-12))
+
+
+class QuadricRows(eqx.Module):
+    """The same as six rows for each capsule."""
 
     ends: Float[Array, "capsules 6"]
     """Where the capsules' two ends were (m)."""
@@ -28,6 +51,31 @@ class Quadrics(eqx.Module):
         """Residual (m) at other ends; its squared norm is the weighted sum of the squared distances."""
         rows = jnp.einsum("cij,cj->ci", self.rows, ends.reshape(-1, 6) - self.ends) - self.goal
         return jnp.append(rows.ravel(), self.left)
+
+
+class CapsuleTerm(AbstractTerm):
+    """A term that draws the capsules of a body to what they should touch, or pushes them out of where they may not be.
+
+    It says so by `quadrics`; residuals follow from them, and so does a step of Gauss-Newton, with less work.
+    """
+
+    body: eqx.AbstractVar[Body]
+
+    def quadrics(self, body: PlacedBody, observed: Observed) -> Quadrics:
+        """Distances at a pose, linearised and summed up by capsule."""
+        raise NotImplementedError
+
+    def ends(self, body: PlacedBody) -> Float[Array, "capsules 2 3"]:
+        """Both ends of each capsule (m)."""
+        return jnp.asarray(capsule_ends(self.body, body.origins, body.rotations))
+
+    def correspond(self, body: PlacedBody, observed: Observed) -> QuadricRows:
+        """What stays fixed during an inner solve: nearest points, normals and weights, in the form of rows."""
+        return self.quadrics(body, observed).rows()
+
+    def residual(self, body: PlacedBody, observed: Observed, fixed: QuadricRows) -> Float[Array, " rows"]:
+        """Weighted linearised distances (m); their squared norm is a mean over the points."""
+        return fixed.residual(self.ends(body))
 
 
 def make_quadrics(
@@ -96,8 +144,4 @@ def _from_sums(
     blocks = sums[:, :18].reshape(-1, 3, 6)[:, :, _SYMMETRIC]  # capsules x shares x 3 x 3
     first, mixed, last = blocks[:, 0], blocks[:, 1], blocks[:, 2]
     matrix = jnp.concatenate([jnp.concatenate([first, mixed], 2), jnp.concatenate([mixed, last], 2)], 1)
-    # A capsule's twist, and what no point lies on, are seen by nothing.
-    lower = jnp.linalg.cholesky(matrix + 1e-6 * jnp.eye(6)[None])
-    goal = jax.vmap(lambda a, b: jax.scipy.linalg.solve_triangular(a, b, lower=True))(lower, sums[:, 18:])
-    left = jnp.maximum(squared - (goal**2).sum(), 0.0)
-    return Quadrics(ends.reshape(-1, 6), lower.swapaxes(1, 2), goal, jnp.sqrt(left + 1e-12))
+    return Quadrics(ends.reshape(-1, 6), matrix, sums[:, 18:], squared)

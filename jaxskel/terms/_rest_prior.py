@@ -30,9 +30,9 @@ class RestPrior(AbstractTerm):
 
     def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "segments=16 4"]:
         """Four numbers with the norm of the difference of two rotation matrices, about 1.4 times the angle (rad)."""
-        relative = jnp.einsum("sji,sjk->sik", body.rotations[_PARENTS], body.rotations[1:])
-        # With the angle a about the axis n: sin(a) n, and 1 - cos(a).
-        sine = jnp.stack([relative[:, i, j] - relative[:, j, i] for i, j in ((2, 1), (0, 2), (1, 0))], -1) / 2
-        cosine = (jnp.trace(relative, axis1=1, axis2=2) - 1) / 2
+        parent, own = body.rotations[_PARENTS], body.rotations[1:]
+        # Of the relative rotation, with the angle a about the axis n: sin(a) n, and 1 - cos(a).
+        sine = jnp.cross(own, parent).sum(1) / 2
+        cosine = ((parent * own).sum((1, 2)) - 1) / 2
         rows = jnp.concatenate([sine, (1 - cosine)[:, None]], 1)
         return jnp.sqrt(2 * self.firmness)[:, None] * rows
