@@ -17,24 +17,32 @@ _ROUNDS = 4
 # Frames whose fit is the worst may be wrong altogether; they are left out.
 _USED = 0.8
 # Rays farther from the body (m) belong to something else; beyond the scale (m) they count for little.
-_REACH, _SCALE = 0.05, 0.012
+_REACH, _SCALE = 0.05, 0.018
 # Neighbouring rays say the same: so many count as one measurement.
 _ALIKE = 50
 # How far flesh may sit from where it does on average, and how thick it may be (m). The middle of a limb's flesh is its
 # bone; hands and feet are what they are; the trunk and the head differ most.
-_LIMB_PLAY, _END_PLAY, _TRUNK_PLAY, _RADIUS_PLAY = 0.002, 0.005, 0.008, 0.010
+_LIMB_PLAY, _END_PLAY, _TRUNK_PLAY, _RADIUS_PLAY = 0.002, 0.005, 0.012, 0.025
 _LIMB = ("shoulder", "elbow", "forearm", "wrist", "palm", "finger", "knee", "calf", "ankle")
 _END = ("heel", "ball", "toe")
 _THINNEST = 0.010  # m
 _SCALES = fit_scales((0.04, 4))
 
 
+class Costs(eqx.Module):
+    """What right poses of a subject cost in one recording, in the units of `volume_objective`."""
+
+    low: float
+    """A tenth of the frames cost less."""
+    typical: float
+    """Half of them do."""
+
+
 class Calibrated(eqx.Module):
     """A subject's body, and how well it explains the subject."""
 
     body: Body
-    cost: float
-    """Of a typical frame, in the units of `volume_objective`."""
+    costs: Costs
 
 
 def calibrate(body: Body, starts: Pose, fallback: Pose, observed: Observed, search: Search | None = None) -> Calibrated:
@@ -53,13 +61,14 @@ def calibrate(body: Body, starts: Pose, fallback: Pose, observed: Observed, sear
     found = solve_frames(make_model(body), search, starts, fallback, observed)
     used = np.flatnonzero(found.cost[:, 0] <= np.quantile(found.cost[:, 0], _USED))
     poses, seen = (jax.tree.map(lambda a: np.asarray(a)[used], tree) for tree in (found.first(1), observed))
-    typical = 0.0
+    costs = np.zeros(1)
     for _ in range(_ROUNDS):
         body = _updated(body, jax.tree.map(lambda a: a[:, 0], poses), seen.contours)
         model = make_model(body)
         fitted = fit_poses(model.objective, model.skeleton, poses, seen, _SCALES)
-        poses, typical = fitted.poses, float(np.median(fitted.cost))
-    return Calibrated(body, typical)
+        poses, costs = fitted.poses, fitted.cost[:, 0]
+    low, typical = np.quantile(costs, (0.1, 0.5))
+    return Calibrated(body, Costs(float(low), float(typical)))
 
 
 def _updated(body: Body, poses: Pose, outlines: Contours) -> Body:

@@ -34,7 +34,7 @@ def searched_confidence(
     Args:
         joints: Of all hypotheses (m).
         cost: Of all hypotheses.
-        dear: What a pose of this subject hardly ever costs, see `Search.relative_to`.
+        dear: What a pose of this subject hardly ever costs, see `dear` in `_solve`.
     """
     there = np.linalg.norm(joints - joints[:, :1], axis=-1) < _SAME_PLACE
     weight = np.exp(-np.clip(cost - cost[:, :1], -50.0, None) / _RIVAL_COST)

@@ -7,6 +7,9 @@ from jaxtyping import Array, Bool, Float, UInt8
 from ._camera import Cameras, rays
 from ._recording import unpack_silhouettes
 
+RAYS = 3600
+"""Rays of a frame, by default: about a third of an outline's pixels in ten views of 640 x 480."""
+
 
 class Contours(eqx.Module):
     """Viewing rays through points of the silhouettes' outlines, of all views of a frame together.
@@ -28,7 +31,7 @@ def contours(
     silhouettes: UInt8[np.ndarray, "frames cams h w8"],
     cameras: Cameras,
     lost: Bool[np.ndarray, "frames cams"],
-    count: int = 1200,
+    count: int = RAYS,
 ) -> Contours:
     """Rays through the outlines of some frames' silhouettes, the same number from each view.
 

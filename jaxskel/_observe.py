@@ -10,7 +10,8 @@ from jaxtyping import Bool, Float, Int, UInt8
 
 from ._camera import Cameras
 from ._carve import carve
-from ._contours import contours
+from ._contours import RAYS, contours
+from ._credible import credible
 from ._descriptors import MAX_ENDS, describe_ends
 from ._field import hull_volumes
 from ._graph import SkeletalGraph, limit_ends, prune
@@ -27,6 +28,9 @@ from ._silhouette_distances import silhouette_distances
 from ._skeleton import Skeleton
 from ._views import MIN_VIEWS, lost_views, silhouette_areas
 from .terms import Observed
+
+# Poor masks cut a person up; the parts are this near to each other (m).
+_CUT = 0.1
 
 Stopwatch = Callable[[str], AbstractContextManager[Any]]
 """Called with the name of a stage, gives a context that lasts as long as the stage."""
@@ -86,7 +90,7 @@ def see_people(
     with stopwatch("carve"):
         hulls = carve(silhouettes, prepared.table, lost, prepared.max_misses)
     with stopwatch("graph"):
-        people = find_people(hulls, prepared.edge)
+        people = find_people(hulls, prepared.edge, _CUT if prepared.max_misses else 0.0)
         status[enough] = people.status[enough]
         cut = ~seen_whole(people.hulls, prepared.table, lost)
         status[(status == Status.OK) & cut] = Status.PARTLY_OUTSIDE
@@ -106,14 +110,17 @@ def observed_volume(
     seen: Seen,
     silhouettes: UInt8[np.ndarray, "frames cams h w8"],
     cameras: Cameras,
+    middles: Float[np.ndarray, "people 3"],
     misses: int,
     needs_hull: bool = False,
 ) -> Observed:
     """What graph, outlines and, on demand, the hull say: of the frames with a person, of whom there must be one."""
-    outlines = contours(silhouettes[seen.frames], cameras, seen.lost[seen.frames])
+    own = silhouettes[seen.frames], cameras, seen.lost[seen.frames]
     # Carving is sparing with misses, which make a hull fat; here the outlines say how thin the body is.
-    misses = misses + 1 if misses else 0
-    distances = silhouette_distances(silhouettes[seen.frames], cameras, seen.lost[seen.frames], misses)
+    distances = silhouette_distances(*own, misses + 1 if misses else 0)
+    outlines = contours(*own, 2 * RAYS if misses else RAYS)
+    if misses:
+        outlines = credible(outlines, distances, middles, RAYS)
     field, surface = None, None
     if needs_hull:
         assert seen.hulls is not None

@@ -4,6 +4,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy import ndimage
+from scipy.spatial import KDTree
 
 from ._carve import ProjectionTable
 from ._hull import VisualHulls, label_bodies
@@ -29,12 +30,13 @@ def observed_edge(observed: Bool[np.ndarray, "x y z"]) -> Bool[np.ndarray, "x y 
     return observed & ~np.asarray(ndimage.binary_erosion(observed, border_value=0), bool)
 
 
-def find_people(hulls: VisualHulls, edge: Bool[np.ndarray, "x y z"]) -> People:
+def find_people(hulls: VisualHulls, edge: Bool[np.ndarray, "x y z"], gap: float = 0.0) -> People:
     """Keep the largest connected body of each hull.
 
     Args:
         hulls: As carved, z up.
         edge: From [`observed_edge`][], on the hulls' grid.
+        gap: What is no farther than this from the largest body belongs to it (m): holes in masks cut people up.
     """
     count = len(hulls)
     inside = hulls.inside.copy()
@@ -43,6 +45,8 @@ def find_people(hulls: VisualHulls, edge: Bool[np.ndarray, "x y z"]) -> People:
     for f in range(count):
         own = np.flatnonzero(inside[f])
         labels, sizes = label_bodies(hulls.voxels[own])
+        if gap > 0 and len(sizes) > 1:
+            labels, sizes = _joined(hulls.voxels[own], labels, sizes, gap / hulls.grid.spacing)
         status[f] = _judge(sizes * hulls.grid.spacing**3)
         if status[f] == Status.OK:
             own = own[labels == 1 + np.argmax(sizes)]
@@ -52,6 +56,18 @@ def find_people(hulls: VisualHulls, edge: Bool[np.ndarray, "x y z"]) -> People:
         if status[f] == Status.OK:
             inside[f, own] = True
     return People(VisualHulls(hulls.voxels, inside, hulls.grid), status)
+
+
+def _joined(
+    voxels: Int[np.ndarray, "n 3"], labels: Int[np.ndarray, " n"], sizes: Int[np.ndarray, " bodies"], gap: float
+) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " bodies"]]:
+    """Labels and sizes after the largest body has taken in those no farther from it than a gap (voxels)."""
+    largest = 1 + int(np.argmax(sizes))
+    others = np.flatnonzero(labels != largest)
+    near, _ = KDTree(voxels[labels == largest]).query(voxels[others], distance_upper_bound=gap)
+    labels = labels.copy()
+    labels[np.isin(labels, np.unique(labels[others[np.isfinite(near)]]))] = largest
+    return labels, np.bincount(labels, minlength=len(sizes) + 1)[1:]
 
 
 def shares_outside(hulls: VisualHulls, table: ProjectionTable) -> Float[np.ndarray, "frames cams"]:

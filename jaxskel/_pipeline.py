@@ -23,7 +23,7 @@ from ._recording import Recording
 from ._refine import Refined, refine_frames
 from ._settings import Settings
 from ._skeleton import Pose, Skeleton
-from ._solve import Hypotheses, make_model, solve_frames, unexplained_shares
+from ._solve import Hypotheses, dear, make_model, solve_frames, unexplained_shares
 from ._stacks import padded, single_precision
 from ._starts import start_poses, upright_poses
 from ._track import Track, track_frames
@@ -68,10 +68,16 @@ def reconstruct_batch(
             initial = initial_poses(limbs, facing, prepared.skeleton)
         else:
             with stopwatch("search"):
-                observed = observed_volume(limbs, seen, silhouettes, cameras, prepared.max_misses, objective.needs_hull)
-                starts = start_poses(limbs, facing, prepared.skeleton)
-                fallback = upright_poses(middles_of_people(seen, silhouettes, cameras), prepared.skeleton)
-                search, model = settings.search.relative_to(prepared.typical_cost), make_model(prepared.body)
+                middles = middles_of_people(seen, silhouettes, cameras)
+                observed = observed_volume(
+                    limbs, seen, silhouettes, cameras, middles, prepared.max_misses, objective.needs_hull
+                )
+                starts, fallback = (
+                    start_poses(limbs, facing, prepared.skeleton),
+                    upright_poses(middles, prepared.skeleton),
+                )
+                costs, model = prepared.costs, make_model(prepared.body)
+                search = settings.search.relative_to(None if costs is None else costs.low)
                 if settings.tracking is None:
                     found = solve_frames(model, search, starts, fallback, observed)
                 else:
@@ -80,7 +86,8 @@ def reconstruct_batch(
                     )
                 initial = found.best
                 plausible = _unexplained(initial, observed, prepared.body) < _UNEXPLAINED
-                trust = searched_confidence(_joints(found, prepared.skeleton), found.cost, search.dear)
+                unusual = dear(None if costs is None else costs.typical)
+                trust = searched_confidence(_joints(found, prepared.skeleton), found.cost, unusual)
         with stopwatch("refine"):
             refined = _refined(initial, observed, prepared, objective, settings)
         status[good[~plausible]] = Status.NO_MATCH

@@ -82,8 +82,8 @@ def _with_subject(
     if not calibrating or len(seen.frames) < _LEAST_FRAMES or seen.hulls is None:
         return prepared
     limbs, facing, _ = labelled_limbs(seen.graphs, prepared.skeleton, settings)
-    observed = observed_volume(limbs, seen, silhouettes[chosen], cameras, prepared.max_misses)
-    starts = start_poses(limbs, facing, prepared.skeleton)
-    fallback = upright_poses(middles_of_people(seen, silhouettes[chosen], cameras), prepared.skeleton)
+    middles = middles_of_people(seen, silhouettes[chosen], cameras)
+    observed = observed_volume(limbs, seen, silhouettes[chosen], cameras, middles, prepared.max_misses)
+    starts, fallback = start_poses(limbs, facing, prepared.skeleton), upright_poses(middles, prepared.skeleton)
     found = calibrate(prepared.body, starts, fallback, observed, settings.search)
-    return replace(prepared, body=found.body, typical_cost=found.cost)
+    return replace(prepared, body=found.body, costs=found.costs)

@@ -5,6 +5,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ._body import Body
+from ._calibrate import Costs
 from ._carve import ProjectionTable
 from ._skeleton import Skeleton
 
@@ -25,5 +26,5 @@ class Prepared(eqx.Module):
     skeleton_is_known: bool
     body: Body
     """The template with flesh: calibrated, unless the paper's method needs none or too few frames show the subject."""
-    typical_cost: float | None
-    """Of a pose; None where the body is not calibrated."""
+    costs: Costs | None
+    """What poses of this subject cost; None where the body is not calibrated."""

@@ -28,48 +28,51 @@ _ARMS, _LEGS = ("l_arm", "r_arm"), ("l_leg", "r_leg")
 _LIMBS = _ARMS + _LEGS
 _MOST_STEPS = 16  # of one fit
 # Shapes are fixed whatever the search: frames, and hypotheses of each, that are fitted at once.
-_FRAMES, _AT_ONCE = 8, 4
+_FRAMES, _AT_ONCE = 8, 2
 # A search that makes a pose cheaper by no more than this is not repeated.
-_GAIN = 0.3
+_GAIN = 1.0
 # An outline no farther from the body than this may be its own (m).
 _NEAR = 0.04
 # What is dear, relative to the typical cost: a share and an offset.
-_DEAR = 1.25, 6.0
-# Steps look at one of so many rays; what a pose costs is told by all.
-_THINNED = 3
+_DEAR = 1.05, 8.0
+# What is worth another search costs so much more than the cheapest frames do: poor masks raise the costs of some frames
+# far more than of others, and then a high cost tells little.
+_DOUBTFUL = 10.0
+# Steps look at one of so many rays, and limbs are looked for with one of so many; what a pose costs is told by all.
+_FEW, _SOME = 9, 3
 
 
 class Search(eqx.Module):
     """How broad and how deep to search."""
 
-    rough_steps: int = 5
+    rough_steps: int = 4
     """Steps of a first look at the starts."""
     starts: int = 4
     """Starts that go on after the first look."""
-    leg_steps: int = 9
+    leg_steps: int = 10
     """Steps of the fit of trunk and legs."""
     trunks: int = 2
-    """Trunks with legs that arms are searched for."""
+    """Trunks with legs that go on after half of these, and that arms are searched for."""
     pairs: int = eqx.field(static=True, default=4)
     """Pairs of limbs that a search proposes. Static: another number compiles again."""
     singles: int = eqx.field(static=True, default=4)
     """Poses that the search for a single arm proposes. Static likewise."""
     steps: int = 8
-    """Steps of a fit with all limbs."""
+    """Steps of a fit with all limbs; after half of them only half of the hypotheses go on."""
     again: int = 2
     """How often each arm is freed and searched for again, as long as that makes the pose cheaper."""
-    dear: float = 45.0
+    doubtful: float = 45.0
     """Where a pose costs more than this, the legs are searched for too, and then everything from the fallback."""
 
-    def relative_to(self, typical: float | None) -> "Search":
-        """The same search, where what is dear for this subject in this recording is known from a typical cost."""
-        if typical is None:
-            return self
-        return eqx.tree_at(lambda s: s.dear, self, typical_dear(typical))
+    def relative_to(self, low: float | None) -> "Search":
+        """The same search, where it is known what the cheapest frames of this recording cost."""
+        return self if low is None else eqx.tree_at(lambda s: s.doubtful, self, low + _DOUBTFUL)
 
 
-def typical_dear(typical: float) -> float:
-    """What is dear where a frame typically costs so much."""
+def dear(typical: float | None) -> float:
+    """What a frame hardly ever costs where it typically costs so much."""
+    if typical is None:
+        return Search().doubtful
     return _DEAR[0] * typical + _DEAR[1]
 
 
@@ -103,6 +106,10 @@ class Hypotheses(eqx.Module):
     def first(self, count: int) -> Pose:
         """The cheapest few of each frame."""
         return jax.tree.map(lambda a: a[:, :count], self.poses)
+
+    def last(self, count: int) -> "Hypotheses":
+        """All of each frame but the cheapest few."""
+        return jax.tree.map(lambda a: a[:, count:], self)
 
     def merged(self, other: "Hypotheses", frames: Int[np.ndarray, " some"]) -> "Hypotheses":
         """As many hypotheses as before, in some frames the cheapest of these and of `other`, which is of those only."""
@@ -148,10 +155,10 @@ def solve_frames(model: Model, search: Search, starts: Pose, fallback: Pose, obs
     """
     seen = lean(observed)
     found = _searched(model, search, starts, seen)
-    dear = np.flatnonzero(found.cost[:, 0] > search.dear)
-    if len(dear):
-        other = _searched(model, search, taken(fallback, dear), taken(seen, dear))
-        found = found.merged(other, dear)
+    doubtful = np.flatnonzero(found.cost[:, 0] > search.doubtful)
+    if len(doubtful):
+        other = _searched(model, search, taken(fallback, doubtful), taken(seen, doubtful))
+        found = found.merged(other, doubtful)
     return found
 
 
@@ -178,9 +185,6 @@ def fit_scales(*rounds: tuple[float, int]) -> tuple[Array, Array]:
 
 
 def _searched(model: Model, search: Search, starts: Pose, observed: Observed) -> Hypotheses:
-    half = search.steps // 2
-    scales = fit_scales((0.06, half), (0.04, search.steps - half))
-
     def again(
         found: Hypotheses, frames: Int[np.ndarray, " some"], freed: Callable[[Pose, Observed], Pose]
     ) -> Hypotheses:
@@ -188,18 +192,18 @@ def _searched(model: Model, search: Search, starts: Pose, observed: Observed) ->
         if len(frames) == 0:
             return found
         other = _in_chunks(
-            lambda poses, part: _fit(model.objective, model.skeleton, freed(poses, part), part, scales),
+            lambda poses, part: _fitted_by_halves(model, search, freed(poses, part), part),
             taken(found.first(1), frames), taken(observed, frames),
         )  # fmt: skip
         return found.merged(other, frames)
 
-    found = _in_chunks(lambda starts, part: _first_found(model, search, starts, part, scales), starts, observed)
+    found = _in_chunks(lambda starts, part: _first_found(model, search, starts, part), starts, observed)
     frames = np.arange(len(found.cost))
     for turn in range(search.again):
         before = found.cost[:, 0].copy()
         if turn == 1:
-            dear = np.flatnonzero(before > search.dear)
-            found = again(found, dear, lambda poses, part: _with_pairs(model, poses, part, _LEGS, search.pairs))
+            doubtful = np.flatnonzero(before > search.doubtful)
+            found = again(found, doubtful, lambda poses, part: _with_pairs(model, poses, part, _LEGS, search.pairs))
         for limb in _ARMS:
             found = again(
                 found, frames, lambda poses, part, limb=limb: _with_single(model, poses, part, limb, search.singles)
@@ -208,17 +212,27 @@ def _searched(model: Model, search: Search, starts: Pose, observed: Observed) ->
     return found
 
 
-def _first_found(
-    model: Model, search: Search, starts: Pose, observed: Observed, scales: tuple[Array, Array]
-) -> Hypotheses:
+def _first_found(model: Model, search: Search, starts: Pose, observed: Observed) -> Hypotheses:
     """Trunk, legs, then both arms at once."""
-    third = search.leg_steps // 3
-    rough = fit_scales((0.08, search.rough_steps))
-    trunks = _fit(model.trunk, model.skeleton, starts, observed, rough).first(search.starts)
-    legs = fit_scales((0.08, search.leg_steps - third), (0.05, third))
-    trunks = _fit(model.trunk, model.skeleton, trunks, observed, legs).first(search.trunks)
-    armed = _with_pairs(model, trunks, observed, _ARMS, search.pairs)
-    return _fit(model.objective, model.skeleton, armed, observed, scales)
+    half = search.leg_steps // 2
+    trunks = starts
+    for scale, steps, count in (
+        (0.08, search.rough_steps, search.starts),
+        (0.08, half, search.trunks),
+        (0.05, search.leg_steps - half, search.trunks),
+    ):
+        trunks = _fit(model.trunk, model.skeleton, trunks, observed, fit_scales((scale, steps))).first(count)
+    return _fitted_by_halves(model, search, _with_pairs(model, trunks, observed, _ARMS, search.pairs), observed)
+
+
+def _fitted_by_halves(model: Model, search: Search, poses: Pose, observed: Observed) -> Hypotheses:
+    """Fit hypotheses of all limbs; the cheaper half takes all steps, the others stay where they are half-way."""
+    half = search.steps // 2
+    rough = _fit(model.objective, model.skeleton, poses, observed, fit_scales((0.06, half)))
+    count = (rough.cost.shape[1] + 1) // 2
+    scales = fit_scales((0.04, search.steps - half))
+    found = _beside([_fit(model.objective, model.skeleton, rough.first(count), observed, scales), rough.last(count)])
+    return found.ordered(np.argsort(found.cost, 1, kind="stable"))
 
 
 def _fit(
@@ -240,12 +254,11 @@ def fit_hypothesis(
     objective: Objective, skeleton: Skeleton, pose: Pose, observed: Observed, scales: tuple[Array, Array]
 ) -> tuple[Pose, Float[Array, ""]]:
     """Let one hypothesis of one frame descend; also what it costs then, infinite where that is no number."""
-    assert observed.contours is not None
-    thinned = eqx.tree_at(lambda o: o.contours, observed, observed.contours.thinned(_THINNED))
+    few = _thinned(observed, _FEW)
 
     def step(number: Array, pose: Pose) -> Pose:
         scaled = eqx.tree_at(lambda o: o.terms["contours"].scale, objective, scales[0][number])
-        return descend(scaled, _HINGED, skeleton, pose, thinned)
+        return descend(scaled, _HINGED, skeleton, pose, few)
 
     pose = jax.lax.fori_loop(0, scales[1], step, pose)
     cost = sum(objective.costs(place(skeleton, pose), observed).values(), jnp.zeros(()))
@@ -283,8 +296,9 @@ def _with_pairs(model: Model, poses: Pose, observed: Observed, names: tuple[str,
     limbs = tuple(model.limbs[name] for name in names)
 
     def one(pose: Pose, observed: Observed) -> Pose:
-        points, costs = unexplained(model.body, pose, model.objective, observed, names)
-        left, right = (score_limb(model.body, pose, model.objective, observed, limb, points, costs) for limb in limbs)
+        some = _thinned(observed, _SOME)
+        points, costs = unexplained(model.body, pose, model.objective, some, names)
+        left, right = (score_limb(model.body, pose, model.objective, some, limb, points, costs) for limb in limbs)
         first, second = best_pairs(left, right, count)
         return jax.vmap(lambda i, j: with_limb(with_limb(pose, limbs[0], i), limbs[1], j))(first, second)
 
@@ -298,9 +312,9 @@ def _with_single(model: Model, poses: Pose, observed: Observed, name: str, count
     """Free one limb of each pose (axes ``frames 1``) and give it its best poses (axes ``frames count``)."""
 
     def one(pose: Pose, observed: Observed) -> Pose:
-        limb = model.limbs[name]
-        points, costs = unexplained(model.body, pose, model.objective, observed, (name,))
-        scored = score_limb(model.body, pose, model.objective, observed, limb, points, costs)
+        limb, some = model.limbs[name], _thinned(observed, _SOME)
+        points, costs = unexplained(model.body, pose, model.objective, some, (name,))
+        scored = score_limb(model.body, pose, model.objective, some, limb, points, costs)
         return jax.vmap(lambda index: with_limb(pose, limb, index))(best_single(scored, count))
 
     return jax.vmap(one)(jax.tree.map(lambda a: jnp.asarray(a[:, 0]), poses), observed)
@@ -312,8 +326,14 @@ def _in_chunks(work: Callable[[Any, Observed], Hypotheses], poses: Any, observed
     done = []
     for start in range(0, count, _FRAMES):
         frames = np.minimum(np.arange(start, start + _FRAMES), count - 1)
-        done.append(work(*single_precision(taken((poses, observed), frames))))
+        # On the device once, not with each of many calls: silhouettes are large.
+        done.append(work(*jax.device_put(single_precision(taken((poses, observed), frames)))))
     return jax.tree.map(lambda *parts: np.concatenate(parts)[:count], *done)
+
+
+def _thinned(observed: Observed, factor: int) -> Observed:
+    assert observed.contours is not None
+    return eqx.tree_at(lambda o: o.contours, observed, observed.contours.thinned(factor))
 
 
 def _beside(parts: list[Hypotheses]) -> Hypotheses:

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float, Int
 
 from ._body import place_joints
 from ._skeleton import Pose
-from ._solve import Hypotheses, Model, Search, fit_hypothesis, fit_scales, lean, solve_frames, typical_dear
+from ._solve import Hypotheses, Model, Search, dear, fit_hypothesis, fit_scales, lean, solve_frames
 from ._stacks import single_precision, taken
 from .terms import Observed
 
@@ -88,9 +88,9 @@ def track_frames(
     costs = np.zeros(0) if track is None else track.costs
     found = _best_track(model, tracking, track, offers, observed)
     usual = float(np.median(np.concatenate([costs, found.cost[:, 0]])[-_RECENT:]))
-    dear = np.setdiff1d(np.flatnonzero(found.cost[:, 0] > typical_dear(usual)), searched)
-    if len(dear):
-        offers = searched_in(dear)
+    lost = np.setdiff1d(np.flatnonzero(found.cost[:, 0] > dear(usual)), searched)
+    if len(lost):
+        offers = searched_in(lost)
         found = _best_track(model, tracking, track, offers, observed)
     last, before = (jax.tree.map(lambda a, i=i: a[max(count - i, 0)], found.best) for i in (1, 2))
     if count == 1 and track is not None:

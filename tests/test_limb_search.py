@@ -43,7 +43,6 @@ def points_of(name: str) -> np.ndarray:
 
 @pytest.mark.parametrize("name", LIMBS)
 def test_tables_keep_the_lengths_of_bones(name):
-    table = table_of(name)
     top, middle, pivot, end = (REST[f"{name[:2]}{point}"] for point in CHAINS[name[2:]])
     points = points_of(name).astype(np.float64)
     upper_middle, hinge, lower_middle, last, tip = points.swapaxes(0, 1)

@@ -88,14 +88,14 @@ def test_default_finds_every_joint_and_the_body_of_the_subject(scene):
     average = make_body(scene.skeleton)
     assert np.abs(np.asarray(prepared.body.radii) - average.radii).max() > 0.003
     np.testing.assert_array_equal(prepared.body.skeleton.rest_joints, scene.skeleton.rest_joints)
-    assert prepared.typical_cost > 0
+    assert 0 < prepared.costs.low <= prepared.costs.typical
 
 
 def test_body_is_calibrated_only_where_it_must_and_can_be(scene):
     body = make_body(scene.skeleton)
     for recording, settings in ((scene, Settings(body=body)), (scene[:7], Settings()), (scene, paper_settings())):
         prepared = prepare(recording, settings)
-        assert prepared.typical_cost is None
+        assert prepared.costs is None
         np.testing.assert_array_equal(prepared.body.radii, body.radii)
 
 
@@ -319,7 +319,7 @@ def test_dimensions_of_somebody_else_are_refused(scene, searching):
     child = make_skeleton(0.5 * np.asarray(scene.skeleton.rest_joints), 0.5 * np.asarray(scene.skeleton.rest_tips))
     recording = eqx.tree_at(lambda r: r.skeleton, scene, child)
     # The dearer the poses, the longer the search: here a short one will do.
-    settings = replace(with_known_body(recording), search=Search(again=0, dear=np.inf)) if searching else GRAPH
+    settings = replace(with_known_body(recording), search=Search(again=0, doubtful=np.inf)) if searching else GRAPH
     poses = reconstruct(recording, settings)
     assert set(names(poses)) == {"NO_MATCH"}
 

@@ -34,7 +34,7 @@ ADULT = default_adult()
 BODY = make_body(ADULT)
 THIN = eqx.tree_at(lambda b: b.radii, BODY, 0.85 * BODY.radii)
 # Some frames are dear and others not, so that legs are searched for in some of them.
-SEARCH = Search(dear=4.5)
+SEARCH = Search(doubtful=4.5)
 # Of the demo motion at 5 frames a second: two of a walk, waving, a turn, crane stand, crouch, twice hands on hips.
 FRAMES = [7, 9, 18, 35, 43, 50, 55, 57]
 ON_HIPS = slice(6, 8)
@@ -76,9 +76,9 @@ def filmed() -> Filmed:
     seen = see_people(silhouettes, cameras, prepared, settings)
     assert len(seen.frames) == len(FRAMES)
     limbs, facing, _ = labelled_limbs(seen.graphs, ADULT, settings)
-    observed = observed_volume(limbs, seen, silhouettes, cameras, 0)
-    starts = start_poses(limbs, facing, ADULT)
-    fallback = upright_poses(middles_of_people(seen, silhouettes, cameras), ADULT)
+    middles = middles_of_people(seen, silhouettes, cameras)
+    observed = observed_volume(limbs, seen, silhouettes, cameras, middles, 0)
+    starts, fallback = start_poses(limbs, facing, ADULT), upright_poses(middles, ADULT)
     found = solve_frames(make_model(BODY), SEARCH, starts, fallback, observed)
     return Filmed(truth, joints_of(truth), starts, fallback, observed, found)
 

@@ -55,8 +55,9 @@ def filmed() -> Filmed:
     seen = see_people(silhouettes, cameras, prepared, settings)
     assert len(seen.frames) == FRAMES
     limbs, facing, _ = labelled_limbs(seen.graphs, ADULT, settings)
-    observed = observed_volume(limbs, seen, silhouettes, cameras, 0)
-    fallback = upright_poses(middles_of_people(seen, silhouettes, cameras), ADULT)
+    middles = middles_of_people(seen, silhouettes, cameras)
+    observed = observed_volume(limbs, seen, silhouettes, cameras, middles, 0)
+    fallback = upright_poses(middles, ADULT)
     return Filmed(truth, joints_of(truth), start_poses(limbs, facing, ADULT), fallback, observed)
 
 
