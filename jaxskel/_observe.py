@@ -120,7 +120,7 @@ def observed_volume(
     distances = silhouette_distances(*own, misses + 1 if misses else 0)
     outlines = contours(*own, 2 * RAYS if misses else RAYS)
     if misses:
-        outlines = credible(outlines, distances, middles, RAYS)
+        outlines = credible(outlines, distances, middles, (~own[2]).sum(1), RAYS)
     field, surface = None, None
     if needs_hull:
         assert seen.hulls is not None

@@ -7,7 +7,7 @@ import pytest
 from jax.test_util import check_grads
 from scipy.spatial.transform import Rotation
 
-from jaxskel._camera import Cameras, make_cameras, project, rays
+from jaxskel._camera import Cameras, in_cameras, lens_slopes, make_cameras, on_images, project, rays
 
 # Lenses of real cameras; the barrel folds back at the tangent 1 / sqrt(3 * 0.36) = 0.962.
 LENSES = {
@@ -123,6 +123,25 @@ def test_gradient_is_the_finite_difference(lens):
 
         arguments = tuple(jnp.asarray(a) for a in (cameras.K, cameras.R, cameras.t, points))
         check_grads(image, arguments, order=1, modes=("fwd", "rev"), eps=1e-5, atol=1e-4, rtol=1e-6)
+
+
+@pytest.mark.parametrize("lens", LENSES)
+def test_slopes_of_the_lens_are_its_derivative(lens):
+    cameras = camera(lens, skew=5.0)
+    depth = 2.0
+    with jax.enable_x64(True):
+        right, low, ahead = (jnp.asarray(a) for a in in_cameras(cameras, seen_points(cameras)))
+        x, y = right / ahead, low / ahead
+
+        def image(x, y):
+            return on_images(cameras, depth * x, depth * y, jnp.full_like(x, depth))
+
+        zero, one = jnp.zeros_like(x), jnp.ones_like(x)
+        (u_by_x, v_by_x), (u_by_y, v_by_y) = (
+            jax.jvp(image, (x, y), tangent)[1] for tangent in ((one, zero), (zero, one))
+        )
+        for ours, theirs in zip(lens_slopes(cameras, x, y), (u_by_x, u_by_y, v_by_x, v_by_y), strict=True):
+            np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-7)
 
 
 def test_an_unseen_point_does_not_spoil_the_gradient():

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from drawn import film, ring
 
 from jaxskel import Cameras, SilhouetteDistances, make_cameras, pack_silhouettes
 from jaxskel._silhouette_distances import silhouette_distances
@@ -166,3 +167,46 @@ def test_an_image_full_of_person_has_no_outline():
     found = measured([np.ones((48, 64), bool)], standing((64, 48)))
     assert np.isfinite(found.values).all()
     assert float(found.values.max()) < -64
+
+
+# Other ways to look them up
+
+
+def ring_of_lenses() -> Cameras:
+    """Four views of the origin from 3 m, two of them through bad lenses."""
+    cameras = ring(4)
+    dist = np.zeros((4, 8))
+    dist[1, :5], dist[3] = [-0.25, 0.08, 0.002, -0.003, 0.01], [0.3, 0.1, -0.001, 0.002, 0.02, 0.55, 0.2, 0.04]
+    return make_cameras(cameras.K, cameras.R, cameras.t, cameras.size, dist)
+
+
+def seen_by_lenses() -> SilhouetteDistances:
+    cameras = ring_of_lenses()
+    found = silhouette_distances(film(cameras, [np.array([[0.0, 0.0, 0.9, 0.25]])]), cameras, np.zeros((1, 4), bool))
+    return jax.tree.map(lambda a: jnp.asarray(a)[0], found)
+
+
+def test_the_gradient_is_that_of_the_interpolated_distance():
+    found = seen_by_lenses()
+    points = jnp.asarray(np.random.default_rng(0).normal([0, 0, 0.9], 0.4, (60, 3)), jnp.float32)
+    # One is behind some of the cameras and outside of the images of others.
+    points = points.at[0].set(jnp.array([0.0, 0.0, 40.0]))
+    value, gradient = eqx.filter_jit(SilhouetteDistances.with_gradient)(found, points)
+    expected, change = jax.linearize(found.at, points)
+    np.testing.assert_allclose(value, expected, atol=1e-6)
+    assert np.abs(gradient[0]).max() > 0.5
+    for axis, ours in enumerate(gradient):
+        theirs = change(jnp.zeros_like(points).at[:, axis].set(1.0))
+        np.testing.assert_allclose(ours, theirs, atol=2e-4)
+
+
+def test_the_nearest_cell_is_right_to_half_a_cell():
+    found = seen_by_lenses()
+    points = jnp.asarray(np.random.default_rng(2).normal([0, 0, 0.9], 0.3, (200, 3)), jnp.float32)
+    exact, near = (
+        np.asarray(eqx.filter_jit(way)(found, points)) for way in (SilhouetteDistances.at, SilhouetteDistances.near)
+    )
+    np.testing.assert_array_equal(exact == -1.0, near == -1.0)
+    cell = float(found.step) * 4.0 / float(found.cameras.K[0, 0, 0])  # m, at a depth of 4 m
+    assert np.abs(exact - near).max() < cell
+    assert np.abs(exact - near).max() > 0.1 * cell
