@@ -90,8 +90,8 @@ from ._solve import Model as Model
 from ._solve import Search as Search
 from ._solve import make_model as make_model
 from ._solve import solve_frames as solve_frames
+from ._starts import graphless_poses as graphless_poses
 from ._starts import start_poses as start_poses
-from ._starts import upright_poses as upright_poses
 from ._stature import estimate_stature as estimate_stature
 from ._track import Track as Track
 from ._track import Tracking as Tracking

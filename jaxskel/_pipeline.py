@@ -25,7 +25,7 @@ from ._settings import Settings
 from ._skeleton import Pose, Skeleton
 from ._solve import Hypotheses, dear, make_model, solve_frames, unexplained_shares
 from ._stacks import padded, single_precision
-from ._starts import start_poses, upright_poses
+from ._starts import graphless_poses, start_poses
 from ._track import Track, track_frames
 from .terms import Objective, Observed
 
@@ -74,7 +74,7 @@ def reconstruct_batch(
                 )
                 starts, fallback = (
                     start_poses(limbs, facing, prepared.skeleton),
-                    upright_poses(middles, prepared.skeleton),
+                    graphless_poses(middles, prepared.skeleton),
                 )
                 costs, model = prepared.costs, make_model(prepared.body)
                 search = settings.search.relative_to(None if costs is None else costs.low)

@@ -18,7 +18,7 @@ from ._prepared import Prepared
 from ._recording import Recording, rotation_to_z_up
 from ._settings import Settings
 from ._skeleton import default_adult
-from ._starts import start_poses, upright_poses
+from ._starts import graphless_poses, start_poses
 from ._stature import estimate_stature
 from ._views import lost_views, silhouette_areas
 from ._votes import judge_misses
@@ -84,6 +84,6 @@ def _with_subject(
     limbs, facing, _ = labelled_limbs(seen.graphs, prepared.skeleton, settings)
     middles = middles_of_people(seen, silhouettes[chosen], cameras)
     observed = observed_volume(limbs, seen, silhouettes[chosen], cameras, middles, prepared.max_misses)
-    starts, fallback = start_poses(limbs, facing, prepared.skeleton), upright_poses(middles, prepared.skeleton)
+    starts, fallback = start_poses(limbs, facing, prepared.skeleton), graphless_poses(middles, prepared.skeleton)
     found = calibrate(prepared.body, starts, fallback, observed, settings.search)
     return replace(prepared, body=found.body, costs=found.costs)

@@ -1,4 +1,4 @@
-"""Where the search for a pose starts: trunk and legs from the graph in eight ways; upright, where the graph fails."""
+"""Where the search for a pose starts: trunk and legs from the graph in eight ways; eight more where the graph fails."""
 
 import numpy as np
 from jaxtyping import Float
@@ -8,6 +8,10 @@ from ._rotations import aligning, frame, turn_about
 from ._skeleton import JOINT_NAMES, PIVOT_NAMES, SEGMENT_NAMES, Pose, Skeleton, hinge_axes
 
 STARTS = 8
+# A crouch: trunk to the front, thighs raised, knees bent (rad), the pelvis behind and below the middle of the body
+# (shares of the stature).
+_LEAN, _HIP, _KNEE = 0.3, 1.8, 2.1
+_CROUCHED = np.array([-0.12, 0.0, -0.09])
 _LEFT_OF_FRONT = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # a quarter turn about z
 
 
@@ -46,19 +50,33 @@ def start_poses(limbs: Limbs, facing: Float[np.ndarray, "frames 3"], skeleton: S
     return Pose(np.repeat(limbs.pelvis[:, None], STARTS, 1), rotations)
 
 
-def upright_poses(middles: Float[np.ndarray, "frames 3"], skeleton: Skeleton) -> Pose:
-    """Four poses a frame that need no graph: standing with the pelvis in the middle of the body, facing four ways.
+def graphless_poses(middles: Float[np.ndarray, "frames 3"], skeleton: Skeleton) -> Pose:
+    """Eight poses a frame that need no graph: standing and crouching around the middle of the body, facing four ways.
 
     Args:
         middles: Middle of the body (m), see `body_middles`, in a world with z up.
         skeleton: Template.
 
     Returns:
-        Poses with axes ``frames starts=4``.
+        Poses with axes ``frames starts=8``.
     """
-    turns = np.stack([np.linalg.matrix_power(_LEFT_OF_FRONT, quarter) for quarter in range(4)])
-    rotations = np.repeat(turns[:, None], len(SEGMENT_NAMES), 1)
-    return Pose(np.repeat(middles[:, None], 4, 1), np.repeat(rotations[None], len(middles), 0))
+    standing = np.repeat(np.eye(3)[None], len(SEGMENT_NAMES), 0)
+    crouching, axes = np.repeat(_about_left(_LEAN)[None], len(SEGMENT_NAMES), 0), np.asarray(hinge_axes(skeleton))
+    for number, side in enumerate(("l_", "r_")):
+        thigh, shank, foot = (SEGMENT_NAMES.index(side + name) for name in ("thigh", "shank", "foot"))
+        crouching[thigh] = _about_left(-_HIP)
+        crouching[shank] = crouching[thigh] @ turn_about(axes[None, 2 + number], np.array([_KNEE]))[0]
+        crouching[foot] = np.eye(3)
+    poses = [(standing, np.zeros(3)), (crouching, skeleton.stature * _CROUCHED)]
+    turns = [np.linalg.matrix_power(_LEFT_OF_FRONT, quarter) for quarter in range(4)]
+    roots = np.stack([turn @ offset for _, offset in poses for turn in turns])
+    rotations = np.stack([turn @ pose for pose, _ in poses for turn in turns])
+    return Pose(middles[:, None] + roots[None], np.repeat(rotations[None], len(middles), 0))
+
+
+def _about_left(angle: float) -> Float[np.ndarray, "3 3"]:
+    """Rotation about the axis to the left (rad): positive leans what is upright to the front."""
+    return turn_about(np.array([[0.0, 1.0, 0.0]]), np.array([angle]))[0]
 
 
 def _pose(

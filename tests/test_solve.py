@@ -25,7 +25,7 @@ from jaxskel._solve import (
     make_model,
     solve_frames,
 )
-from jaxskel._starts import start_poses, upright_poses
+from jaxskel._starts import graphless_poses, start_poses
 from jaxskel.parametrisations import HingedLimbs
 from jaxskel.synthetic import camera_ring, demo_motion, render
 from jaxskel.terms import Observed, place
@@ -78,7 +78,7 @@ def filmed() -> Filmed:
     limbs, facing, _ = labelled_limbs(seen.graphs, ADULT, settings)
     middles = middles_of_people(seen, silhouettes, cameras)
     observed = observed_volume(limbs, seen, silhouettes, cameras, middles, 0)
-    starts, fallback = start_poses(limbs, facing, ADULT), upright_poses(middles, ADULT)
+    starts, fallback = start_poses(limbs, facing, ADULT), graphless_poses(middles, ADULT)
     found = solve_frames(make_model(BODY), SEARCH, starts, fallback, observed)
     return Filmed(truth, joints_of(truth), starts, fallback, observed, found)
 

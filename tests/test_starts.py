@@ -7,7 +7,7 @@ import pytest
 
 from jaxskel import Limbs, Pose, default_adult, start_poses
 from jaxskel._skeleton import JOINT_NAMES, JOINT_PARENTS, SEGMENT_NAMES, hinge_axes, place_segments
-from jaxskel._starts import upright_poses
+from jaxskel._starts import graphless_poses
 from jaxskel.synthetic import place_joints
 
 ADULT = default_adult()
@@ -175,9 +175,9 @@ def test_a_foot_straight_below_or_above_the_hip_gives_numbers():
 # Where the graph fails
 
 
-def test_upright_poses_stand_in_the_middle_and_face_four_ways():
+def test_graphless_poses_stand_in_the_middle_and_face_four_ways():
     middles = np.array([[0.5, -0.2, 0.9], [-1.0, 2.0, 1.1]])
-    poses = upright_poses(middles, ADULT)
+    poses = graphless_poses(middles, ADULT)
     assert poses.root.shape == (2, 4, 3)
     assert poses.rotations.shape == (2, 4, 17, 3, 3)
     np.testing.assert_array_equal(poses.root, np.repeat(middles[:, None], 4, 1))

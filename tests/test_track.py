@@ -14,7 +14,7 @@ from jaxskel._body import place_body, place_joints
 from jaxskel._observe import middles_of_people, observed_volume
 from jaxskel._skeleton import SEGMENT_NAMES
 from jaxskel._solve import Search, make_model
-from jaxskel._starts import start_poses, upright_poses
+from jaxskel._starts import graphless_poses, start_poses
 from jaxskel._track import Track, Tracking, cheapest_path, track_frames
 from jaxskel.synthetic import camera_ring, demo_motion, render
 from jaxskel.terms import Observed
@@ -57,7 +57,7 @@ def filmed() -> Filmed:
     limbs, facing, _ = labelled_limbs(seen.graphs, ADULT, settings)
     middles = middles_of_people(seen, silhouettes, cameras)
     observed = observed_volume(limbs, seen, silhouettes, cameras, middles, 0)
-    fallback = upright_poses(middles, ADULT)
+    fallback = graphless_poses(middles, ADULT)
     return Filmed(truth, joints_of(truth), start_poses(limbs, facing, ADULT), fallback, observed)
 
 
