@@ -60,7 +60,7 @@ def _bent(at: Joints, side: str) -> Float[np.ndarray, " frames"]:
 
 POSTURES: dict[str, Callable[[Joints], Float[np.ndarray, " frames"]]] = {
     "arms on the trunk": lambda at: (
-        -sum(_apart(at[f"{s}_hand"], at[f"{s}_hip"]) + 3 * _bent(at, s) for s in ("l", "r"))
+        -np.add(*(_apart(at[f"{s}_hand"], at[f"{s}_hip"]) + 3 * _bent(at, s) for s in ("l", "r")))
     ),
     "hand on the face": lambda at: -np.minimum(*(_apart(at[f"{s}_hand"], at["head"]) for s in ("l", "r"))),
     "crossed arms": lambda at: _to_the_left(at, "r") - _to_the_left(at, "l") - 5 * _at_chest(at),

@@ -175,18 +175,37 @@ def test_a_foot_straight_below_or_above_the_hip_gives_numbers():
 # Where the graph fails
 
 
-def test_graphless_poses_stand_in_the_middle_and_face_four_ways():
+def test_graphless_poses_stand_and_crouch_in_the_middle_and_face_four_ways():
     middles = np.array([[0.5, -0.2, 0.9], [-1.0, 2.0, 1.1]])
     poses = graphless_poses(middles, ADULT)
-    assert poses.root.shape == (2, 4, 3)
-    assert poses.rotations.shape == (2, 4, 17, 3, 3)
-    np.testing.assert_array_equal(poses.root, np.repeat(middles[:, None], 4, 1))
-    np.testing.assert_allclose(poses.rotations[..., 0, :, 0], [[[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]]] * 2)
+    assert poses.root.shape == (2, 8, 3)
+    assert poses.rotations.shape == (2, 8, 17, 3, 3)
+    np.testing.assert_array_equal(poses.root[:, :4], np.repeat(middles[:, None], 4, 1))
+    np.testing.assert_allclose(poses.rotations[:, :4, 0, :, 0], [[[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]]] * 2)
     np.testing.assert_allclose(np.linalg.det(poses.rotations), 1.0)
     for frame, middle in enumerate(middles):
         # The template as it stands, turned about the vertical through its pelvis.
         joints, rest = joints_of(poses, frame), ADULT.rest_joints
         np.testing.assert_allclose(joints[0], middle + rest, atol=1e-6)
-        np.testing.assert_allclose(joints[1], middle + rest[:, [1, 0, 2]] * [-1, 1, 1], atol=1e-6)
-        np.testing.assert_allclose(joints[2], middle + rest * [-1, -1, 1], atol=1e-6)
-        np.testing.assert_allclose(joints[3], middle + rest[:, [1, 0, 2]] * [1, -1, 1], atol=1e-6)
+        for way in (0, 4):
+            first = joints[way] - middle
+            np.testing.assert_allclose(joints[way + 1], middle + turned(first, 1), atol=1e-6)
+            np.testing.assert_allclose(joints[way + 2], middle + turned(first, 2), atol=1e-6)
+            np.testing.assert_allclose(joints[way + 3], middle + turned(first, 3), atol=1e-6)
+
+
+def turned(joints: np.ndarray, quarters: int) -> np.ndarray:
+    return joints @ np.linalg.matrix_power(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]), quarters).T
+
+
+def test_who_crouches_has_raised_thighs_and_stands_on_feet_below_the_pelvis():
+    joints = dict(zip(JOINT_NAMES, joints_of(graphless_poses(np.zeros((1, 3)), ADULT), 0)[4], strict=True))
+    pelvis = joints["pelvis"]
+    for side in ("l_", "r_"):
+        assert joints[side + "knee"][2] > joints[side + "hip"][2]
+        assert joints[side + "knee"][0] > joints[side + "hip"][0] + 0.3
+        assert joints[side + "foot"][2] < pelvis[2] - 0.15
+        assert 0 < joints[side + "foot"][0] - pelvis[0] < 0.45
+    # Bent forward, the middle of the body above and in front of the pelvis.
+    assert joints["neck"][0] > pelvis[0] + 0.1
+    assert pelvis[0] < 0 > pelvis[2]

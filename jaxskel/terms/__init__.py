@@ -51,7 +51,7 @@ def volume_objective(body: Body) -> Objective:
         {
             "contours": ContourContact(body=body, weight=1.2e5),
             "inside": InsideSilhouettes(body=body, weight=7e4),
-            "collision": ArmCollision(body=body, weight=400.0),
+            "collision": ArmCollision(body=body, weight=800.0),
             "hinges": HingeLimits(skeleton=body.skeleton, weight=40.0),
             "rest": RestPrior(
                 weight=0.2,
