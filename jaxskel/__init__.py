@@ -39,6 +39,7 @@ from ._head import HighestVoxel as HighestVoxel
 from ._head import RootFinder as RootFinder
 from ._hull import VisualHulls as VisualHulls
 from ._hull import hulls_from_dense as hulls_from_dense
+from ._hypotheses import Hypotheses as Hypotheses
 from ._initialise import initial_poses as initial_poses
 from ._limbs import Limbs as Limbs
 from ._limbs import label_limbs as label_limbs
@@ -85,7 +86,6 @@ from ._skeleton import default_adult as default_adult
 from ._skeleton import forward_kinematics as forward_kinematics
 from ._skeleton import make_skeleton as make_skeleton
 from ._smooth import smooth as smooth
-from ._solve import Hypotheses as Hypotheses
 from ._solve import Model as Model
 from ._solve import Search as Search
 from ._solve import make_model as make_model

@@ -9,8 +9,9 @@ from jaxtyping import Array, Float, Int
 from ._body import BALL_NAMES, Body, capsule_ends
 from ._capsules import nearest_to_rays
 from ._contours import Contours
+from ._fits import fit_poses, fit_scales
 from ._skeleton import Pose, place_segments
-from ._solve import Search, fit_poses, fit_scales, make_model, solve_frames
+from ._solve import Search, make_model, solve_frames
 from .terms import Observed
 
 _ROUNDS = 4

@@ -12,7 +12,9 @@ from ._body import Body, place_joints
 from ._carve import FRAMES_PER_WORD
 from ._confidence import joint_confidence, searched_confidence
 from ._descriptors import template_ends
+from ._explained import unexplained_shares
 from ._graph import SkeletalGraph
+from ._hypotheses import Hypotheses
 from ._initialise import initial_poses
 from ._limbs import L_FOOT, R_FOOT, Limbs
 from ._observe import Stopwatch, labelled_limbs, middles_of_people, observed_graph, observed_volume, see_people
@@ -23,7 +25,7 @@ from ._recording import Recording
 from ._refine import Refined, refine_frames
 from ._settings import Settings
 from ._skeleton import Pose, Skeleton
-from ._solve import Hypotheses, dear, make_model, solve_frames, unexplained_shares
+from ._solve import dear, make_model, solve_frames
 from ._stacks import padded, single_precision
 from ._starts import graphless_poses, start_poses
 from ._track import Track, track_frames

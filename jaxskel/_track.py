@@ -7,8 +7,10 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ._body import place_joints
+from ._fits import fit_hypothesis, fit_scales
+from ._hypotheses import Hypotheses
 from ._skeleton import Pose
-from ._solve import Hypotheses, Model, Search, dear, fit_hypothesis, fit_scales, lean, solve_frames
+from ._solve import Model, Search, dear, solve_frames
 from ._stacks import single_precision, taken
 from .terms import Observed
 
@@ -106,7 +108,7 @@ def _best_track(
     first = jax.tree.map(lambda a: a[0, 0], offers.poses)
     last, before = (first, first) if track is None else (track.last, track.before)
     frames = np.minimum(np.arange(TRACKED_FRAMES), count - 1)
-    seen = lean(observed)
+    seen = observed.seen_only()
     half = tracking.steps // 2
     scales = fit_scales((0.08, half), (0.04, tracking.steps - half))
 

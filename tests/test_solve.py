@@ -12,19 +12,12 @@ from jaxskel import Pose, Recording, Settings, calibrate, default_adult, labelle
 from jaxskel._body import BALL_NAMES, place_body, place_joints
 from jaxskel._calibrate import _updated
 from jaxskel._descend import descend
+from jaxskel._fits import fit_poses, fit_scales
+from jaxskel._hypotheses import Hypotheses
 from jaxskel._limb_search import with_limb
 from jaxskel._observe import middles_of_people, observed_volume
 from jaxskel._skeleton import JOINT_NAMES
-from jaxskel._solve import (
-    Hypotheses,
-    Search,
-    _with_pairs,
-    _with_single,
-    fit_poses,
-    fit_scales,
-    make_model,
-    solve_frames,
-)
+from jaxskel._solve import Search, _with_pairs, _with_single, make_model, solve_frames
 from jaxskel._starts import graphless_poses, start_poses
 from jaxskel.parametrisations import HingedLimbs
 from jaxskel.synthetic import camera_ring, demo_motion, render

@@ -6,8 +6,8 @@ import pytest
 
 from jaxskel import Contours, Pose, default_adult
 from jaxskel._body import Body
+from jaxskel._explained import unexplained_shares
 from jaxskel._skeleton import rest_origins
-from jaxskel._solve import unexplained_shares
 
 ADULT = default_adult()
 # A post of 100 mm radius on the pelvis, one metre tall.

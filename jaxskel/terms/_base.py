@@ -44,6 +44,16 @@ class Observed(eqx.Module):
     silhouettes: SilhouetteDistances | None = None
     """Signed distance to each silhouette."""
 
+    def seen_only(self) -> "Observed":
+        """Without the fields of hulls, which are large."""
+        graph = self.paths, self.found, self.neck, self.pelvis
+        return Observed(*graph, None, None, self.contours, self.silhouettes)
+
+    def thinned(self, factor: int) -> "Observed":
+        """With one outline's ray of so many."""
+        assert self.contours is not None
+        return eqx.tree_at(lambda o: o.contours, self, self.contours.thinned(factor))
+
 
 def place(skeleton: Skeleton, pose: Pose) -> PlacedBody:
     """Place the skeleton of one frame in the world."""
