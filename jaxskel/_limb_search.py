@@ -114,7 +114,7 @@ def score_limb(
 
     def outside(points: Float[Array, "poses points 3"], radii: Float[Array, " points"]) -> Float[Array, " poses"]:
         away = silhouettes.near(points.reshape(-1, 3))
-        costs = inside.costs(away, jnp.tile(radii, len(points)), silhouettes.misses)
+        costs = inside.costs(away, jnp.tile(radii, len(points)), jnp.asarray(silhouettes.misses))
         return _SAMPLES * inside.weight / (len(body.links) * 3) * costs.reshape(len(points), -1).sum(1)
 
     cost, index = _cheapest(outside(uppers, radii[:2])[direction] + outside(lowers, radii[2:]), _INSIDE)

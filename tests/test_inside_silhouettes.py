@@ -44,7 +44,7 @@ def sloping(offsets: list[float], slopes: list[float], misses: int = 0) -> Obser
 @eqx.filter_jit
 def costs(term: InsideSilhouettes, points: jax.Array, radii: jax.Array, seen: Observed) -> jax.Array:
     assert seen.silhouettes is not None
-    return term.costs(seen.silhouettes.at(points), radii, seen.silhouettes.misses)
+    return term.costs(seen.silhouettes.at(points), radii, jnp.asarray(seen.silhouettes.misses))
 
 
 @eqx.filter_jit

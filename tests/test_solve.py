@@ -1,56 +1,31 @@
 """The search for poses and the calibration of a body, on silhouettes of a body that is known."""
 
-from typing import Any
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from filmed import ADULT, BODY, Filmed, film_body, joints_of, some
 
-from jaxskel import Pose, Recording, Settings, calibrate, default_adult, labelled_limbs, make_body, prepare, see_people
-from jaxskel._body import BALL_NAMES, place_body, place_joints
+from jaxskel import Pose, calibrate
+from jaxskel._body import BALL_NAMES
 from jaxskel._calibrate import _updated
 from jaxskel._descend import descend
 from jaxskel._fits import fit_poses, fit_scales
 from jaxskel._hypotheses import Hypotheses
 from jaxskel._limb_search import with_limb
-from jaxskel._observe import middles_of_people, observed_volume
 from jaxskel._skeleton import JOINT_NAMES
 from jaxskel._solve import Search, _with_pairs, _with_single, make_model, solve_frames
-from jaxskel._starts import graphless_poses, start_poses
 from jaxskel.parametrisations import HingedLimbs
-from jaxskel.synthetic import camera_ring, demo_motion, render
-from jaxskel.terms import Observed, place
+from jaxskel.synthetic import demo_motion
+from jaxskel.terms import place
 
-ADULT = default_adult()
-BODY = make_body(ADULT)
 THIN = eqx.tree_at(lambda b: b.radii, BODY, 0.85 * BODY.radii)
 # Some frames are dear and others not, so that legs are searched for in some of them.
 SEARCH = Search(doubtful=4.5)
 # Of the demo motion at 5 frames a second: two of a walk, waving, a turn, crane stand, crouch, twice hands on hips.
 FRAMES = [7, 9, 18, 35, 43, 50, 55, 57]
 ON_HIPS = slice(6, 8)
-
-
-class Filmed(eqx.Module):
-    """A body of known radii in known poses, and what is seen of it."""
-
-    truth: Pose
-    joints: np.ndarray
-    starts: Pose
-    fallback: Pose
-    observed: Observed
-    found: Hypotheses
-
-
-def some(tree: Any, frames: Any) -> Any:
-    return jax.tree.map(lambda a: np.asarray(a)[frames], tree)
-
-
-def joints_of(poses: Pose) -> np.ndarray:
-    """(m)"""
-    return np.asarray(place_joints(ADULT, poses)[0], np.float64)
 
 
 def farthest(joints: np.ndarray, other: np.ndarray) -> np.ndarray:
@@ -60,27 +35,19 @@ def farthest(joints: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def filmed() -> Filmed:
-    cameras = camera_ring(size=(320, 240))
-    truth = some(demo_motion(ADULT), FRAMES)
-    silhouettes = render(cameras, *place_body(BODY, truth))
-    recording = Recording(cameras, silhouettes, 5.0, "+Z", np.arange(len(FRAMES)), ADULT)
-    settings = Settings(search=None, max_misses=0)
-    prepared = prepare(recording, settings)
-    seen = see_people(silhouettes, cameras, prepared, settings)
-    assert len(seen.frames) == len(FRAMES)
-    limbs, facing, _ = labelled_limbs(seen.graphs, ADULT, settings)
-    middles = middles_of_people(seen, silhouettes, cameras)
-    observed = observed_volume(limbs, seen, silhouettes, cameras, middles, 0)
-    starts, fallback = start_poses(limbs, facing, ADULT), graphless_poses(middles, ADULT)
-    found = solve_frames(make_model(BODY), SEARCH, starts, fallback, observed)
-    return Filmed(truth, joints_of(truth), starts, fallback, observed, found)
+    return film_body(some(demo_motion(ADULT), FRAMES), 5.0)
+
+
+@pytest.fixture(scope="module")
+def found(filmed) -> Hypotheses:
+    return solve_frames(make_model(BODY), SEARCH, filmed.starts, filmed.fallback, filmed.observed)
 
 
 # The search
 
 
-def test_search_finds_every_joint(filmed):
-    joints = joints_of(some(filmed.found.poses, (slice(None), 0)))
+def test_search_finds_every_joint(filmed, found):
+    joints = joints_of(some(found.poses, (slice(None), 0)))
     assert farthest(joints, filmed.joints).max() < 0.1
     assert np.median(np.linalg.norm(joints - filmed.joints, axis=-1)) < 0.015
     # No start had its arms there.
@@ -90,8 +57,8 @@ def test_search_finds_every_joint(filmed):
     assert before > 0.2
 
 
-def test_hypotheses_are_ordered_by_what_they_cost(filmed):
-    found, model = filmed.found, make_model(BODY)
+def test_hypotheses_are_ordered_by_what_they_cost(filmed, found):
+    model = make_model(BODY)
     assert found.cost.shape == found.poses.root.shape[:2] == (8, SEARCH.trunks * SEARCH.pairs)
     assert np.isfinite(found.cost).all()
     assert (np.diff(found.cost, axis=1) >= 0).all()
@@ -107,19 +74,19 @@ def test_hypotheses_are_ordered_by_what_they_cost(filmed):
         np.testing.assert_allclose(costs(poses, filmed.observed), found.cost[:, hypothesis], rtol=1e-3)
 
 
-def test_what_is_found_is_a_pose_of_the_skeleton(filmed):
-    turned = np.asarray(filmed.found.poses.rotations)
+def test_what_is_found_is_a_pose_of_the_skeleton(found):
+    turned = np.asarray(found.poses.rotations)
     np.testing.assert_allclose(turned @ turned.swapaxes(-1, -2), np.broadcast_to(np.eye(3), turned.shape), atol=1e-4)
     np.testing.assert_allclose(np.linalg.det(turned), 1.0, atol=1e-4)
 
 
-def test_frames_do_not_depend_on_the_others_of_their_chunk(filmed):
+def test_frames_do_not_depend_on_the_others_of_their_chunk(filmed, found):
     # Dear and cheap ones, in another order, the last one filling up the chunk.
     chosen = [5, 1, 6]
-    found = solve_frames(make_model(BODY), SEARCH, *some((filmed.starts, filmed.fallback, filmed.observed), chosen))
-    assert found.cost.shape == (3, filmed.found.cost.shape[1])
-    np.testing.assert_allclose(found.cost[:, 0], filmed.found.cost[chosen, 0], rtol=1e-3)
-    joints, expected = (joints_of(some(h.poses, (slice(None), 0))) for h in (found, filmed.found))
+    alone = solve_frames(make_model(BODY), SEARCH, *some((filmed.starts, filmed.fallback, filmed.observed), chosen))
+    assert alone.cost.shape == (3, found.cost.shape[1])
+    np.testing.assert_allclose(alone.cost[:, 0], found.cost[chosen, 0], rtol=1e-3)
+    joints, expected = (joints_of(some(h.poses, (slice(None), 0))) for h in (alone, found))
     assert farthest(joints, expected[chosen]).max() < 1e-3
 
 

@@ -1,64 +1,26 @@
 """Following a person: the track holds, and it recovers from whatever it is led into."""
 
 import itertools
-from typing import Any
 
-import equinox as eqx
-import jax
 import numpy as np
 import pytest
+from filmed import ADULT, BODY, Filmed, film_body, joints_of, some
 from scipy.spatial.transform import Rotation
 
-from jaxskel import Pose, Recording, Settings, default_adult, labelled_limbs, make_body, prepare, see_people
-from jaxskel._body import place_body, place_joints
-from jaxskel._observe import middles_of_people, observed_volume
+from jaxskel import Pose
 from jaxskel._skeleton import SEGMENT_NAMES
 from jaxskel._solve import Search, make_model
-from jaxskel._starts import graphless_poses, start_poses
 from jaxskel._track import Track, Tracking, cheapest_path, track_frames
-from jaxskel.synthetic import camera_ring, demo_motion, render
-from jaxskel.terms import Observed
+from jaxskel.synthetic import demo_motion
 
-ADULT = default_adult()
-BODY = make_body(ADULT)
 FPS, FRAMES = 24.0, 20
 SEARCH = Search().relative_to(3.0)
 
 
-class Filmed(eqx.Module):
-    """A second of a walk, and what is seen of it."""
-
-    truth: Pose
-    joints: np.ndarray
-    starts: Pose
-    fallback: Pose
-    observed: Observed
-
-
-def some(tree: Any, frames: Any) -> Any:
-    return jax.tree.map(lambda a: np.asarray(a)[frames], tree)
-
-
-def joints_of(poses: Pose) -> np.ndarray:
-    """(m)"""
-    return np.asarray(place_joints(ADULT, poses)[0], np.float64)
-
-
 @pytest.fixture(scope="module")
 def filmed() -> Filmed:
-    cameras = camera_ring(size=(320, 240))
-    truth = some(demo_motion(ADULT, 120, FPS), np.arange(36, 36 + FRAMES))
-    silhouettes = render(cameras, *place_body(BODY, truth))
-    recording = Recording(cameras, silhouettes, FPS, "+Z", np.arange(FRAMES), ADULT)
-    settings = Settings(search=None, max_misses=0)
-    prepared = prepare(recording, settings)
-    seen = see_people(silhouettes, cameras, prepared, settings)
-    assert len(seen.frames) == FRAMES
-    limbs, facing, _ = labelled_limbs(seen.graphs, ADULT, settings)
-    middles = middles_of_people(seen, silhouettes, cameras)
-    observed = observed_volume(limbs, seen, silhouettes, cameras, middles, 0)
-    fallback = graphless_poses(middles, ADULT)
-    return Filmed(truth, joints_of(truth), start_poses(limbs, facing, ADULT), fallback, observed)
+    """A second of a walk."""
+    return film_body(some(demo_motion(ADULT, 120, FPS), np.arange(36, 36 + FRAMES)), FPS)
 
 
 def follow(filmed: Filmed, frames: slice, track: Track | None) -> tuple[np.ndarray, Track]:

@@ -40,7 +40,7 @@ class InsideSilhouettes(CapsuleTerm):
         points = self._points(ends)
         away, gradients = silhouettes.with_gradient(points)
         out = away + self.share * self._radius[None]
-        heard = _heard(out, silhouettes.misses)
+        heard = _heard(out, jnp.asarray(silhouettes.misses))
         weight = (heard >= heard.max(0)[None]) / (1 + (out / self.scale) ** 2)
         weight = weight + self.single / (1 + (out / self.single_scale) ** 2) ** 2
         weight = jnp.where(out > 0, weight, 0.0) / len(points)
@@ -58,10 +58,10 @@ class InsideSilhouettes(CapsuleTerm):
         """Squared depths (m^2) up to the scales, as a mean over the points."""
         silhouettes = _silhouettes(observed)
         away = silhouettes.at(self._points(self.ends(body)))
-        return self.costs(away, self._radius, silhouettes.misses).mean()
+        return self.costs(away, self._radius, jnp.asarray(silhouettes.misses)).mean()
 
     def costs(
-        self, away: Float[Array, "cams points"], radii: Float[Array, " points"], misses: Int[Array | np.ndarray, ""]
+        self, away: Float[Array, "cams points"], radii: Float[Array, " points"], misses: Int[Array, ""]
     ) -> Float[Array, " points"]:
         """What balls of some radii cost by themselves (m^2), at distances `away` (m) from the silhouettes."""
         out = away + self.share * radii[None]
@@ -83,7 +83,7 @@ def _silhouettes(observed: Observed) -> SilhouetteDistances:
     return observed.silhouettes
 
 
-def _heard(out: Float[Array, "cams points"], misses: Int[Array | np.ndarray, ""]) -> Float[Array, "cams points"]:
+def _heard(out: Float[Array, "cams points"], misses: Int[Array, ""]) -> Float[Array, "cams points"]:
     """Depths (m) without those of the views that object most, as many as may err: these are minus infinity."""
 
     def passed_over(_: Array, out: Array) -> Array:
