@@ -11,13 +11,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Int
 
-from ._body import BALL_NAMES, LINKS, Body, limb_capsules
+from ._body import BALL_NAMES, LINKS, Body, limb_capsules, place_joints
 from ._fits import fit_few, fit_scales, in_chunks
 from ._hypotheses import Hypotheses, beside
 from ._limb_search import Limb, best_pairs, best_single, score_limb, unexplained, with_limb
 from ._limb_table import arm_table, leg_table
 from ._skeleton import Pose, Skeleton
-from ._stacks import single_precision, taken
+from ._stacks import padded, single_precision, taken
+from ._starts import other_ways
 from .terms import Objective, Observed, volume_objective
 
 _ARMS, _LEGS = ("l_arm", "r_arm"), ("l_leg", "r_leg")
@@ -100,7 +101,8 @@ def solve_frames(model: Model, search: Search, starts: Pose, fallback: Pose, obs
         model: The subject.
         search: How broad and how deep.
         starts: Poses to start from, with leading axes ``frames starts``.
-        fallback: Poses to start from where these lead to nothing that is cheap, likewise.
+        fallback: Poses to start from where these lead to nothing that is cheap, likewise. Where they do not either,
+            what was found is turned to face other ways.
         observed: Fields and surfaces of the hulls, with a leading axis ``frames``.
 
     Returns:
@@ -108,10 +110,16 @@ def solve_frames(model: Model, search: Search, starts: Pose, fallback: Pose, obs
     """
     seen = observed.seen_only()
     found = _searched(model, search, starts, seen)
-    doubtful = np.flatnonzero(found.cost[:, 0] > search.doubtful)
-    if len(doubtful):
-        other = _searched(model, search, taken(fallback, doubtful), taken(seen, doubtful))
-        found = found.merged(other, doubtful)
+
+    def around(frames: Int[np.ndarray, " some"]) -> Pose:
+        best = padded(taken(found.best, frames), len(found.cost))
+        return other_ways(np.asarray(place_joints(model.skeleton, best)[0])[: len(frames)], model.skeleton)
+
+    for more in (lambda frames: taken(fallback, frames), around):
+        doubtful = np.flatnonzero(found.cost[:, 0] > search.doubtful)
+        if len(doubtful):
+            other = _searched(model, search, more(doubtful), taken(seen, doubtful))
+            found = found.merged(other, doubtful)
     return found
 
 

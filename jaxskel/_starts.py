@@ -37,7 +37,34 @@ def start_poses(limbs: Limbs, facing: Float[np.ndarray, "frames 3"], skeleton: S
     # A foot that the graph does not have is probably beside the other one; without both, below the pelvis.
     below = limbs.pelvis - [0.0, 0.0, 0.5 * skeleton.stature]
     other = np.where(missing[:, ::-1, None], below[:, None], feet[:, ::-1])
-    feet = np.where(missing[..., None], other, feet)
+    return _eight_ways(limbs.pelvis, spine, front, np.where(missing[..., None], other, feet), skeleton)
+
+
+def other_ways(joints: Float[np.ndarray, "frames joints=15 3"], skeleton: Skeleton) -> Pose:
+    """Eight poses a frame around one that was found: it may face another way, its feet may be exchanged.
+
+    Args:
+        joints: As they were found (m), in a world with z up.
+        skeleton: Template.
+
+    Returns:
+        Poses like those of [`start_poses`][], the first as it was found but for the arms.
+    """
+    pelvis, neck, left_hip, right_hip, *feet = (
+        joints[:, JOINT_NAMES.index(name)] for name in ("pelvis", "neck", "l_hip", "r_hip", "l_foot", "r_foot")
+    )
+    front = np.cross(left_hip - right_hip, [0.0, 0.0, 1.0])
+    front = np.where(np.linalg.norm(front, axis=1, keepdims=True) > 1e-3, front, [1.0, 0.0, 0.0])
+    return _eight_ways(pelvis, neck - pelvis, _unit(front), np.stack(feet, 1), skeleton)
+
+
+def _eight_ways(
+    pelvis: Float[np.ndarray, "frames 3"],
+    spine: Float[np.ndarray, "frames 3"],
+    front: Float[np.ndarray, "frames 3"],
+    feet: Float[np.ndarray, "frames 2 3"],
+    skeleton: Skeleton,
+) -> Pose:
     poses: list[np.ndarray] = []
     for quarter in (0, 2, 1, 3):
         turned = front @ np.linalg.matrix_power(_LEFT_OF_FRONT, quarter).T
@@ -45,9 +72,9 @@ def start_poses(limbs: Limbs, facing: Float[np.ndarray, "frames 3"], skeleton: S
         straight = ((feet[:, 0] - feet[:, 1]) * left).sum(1) >= 0
         for crossed in (False, True):
             order = np.where((straight != crossed)[:, None], [0, 1], [1, 0])
-            poses.append(_pose(limbs.pelvis, spine, left, np.take_along_axis(feet, order[..., None], 1), skeleton))
+            poses.append(_pose(pelvis, spine, left, np.take_along_axis(feet, order[..., None], 1), skeleton))
     rotations = np.stack(poses, 1)
-    return Pose(np.repeat(limbs.pelvis[:, None], STARTS, 1), rotations)
+    return Pose(np.repeat(pelvis[:, None], STARTS, 1), rotations)
 
 
 def graphless_poses(middles: Float[np.ndarray, "frames 3"], skeleton: Skeleton) -> Pose:

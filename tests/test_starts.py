@@ -7,7 +7,7 @@ import pytest
 
 from jaxskel import Limbs, Pose, default_adult, start_poses
 from jaxskel._skeleton import JOINT_NAMES, JOINT_PARENTS, SEGMENT_NAMES, hinge_axes, place_segments
-from jaxskel._starts import graphless_poses
+from jaxskel._starts import STARTS, graphless_poses, other_ways
 from jaxskel.synthetic import place_joints
 
 ADULT = default_adult()
@@ -170,6 +170,26 @@ def test_a_foot_straight_below_or_above_the_hip_gives_numbers():
         limbs = limbs_of("standing")
         limbs.paths[0, 3, -1] = np.array(foot) + [0.5, 0, 0]
         assert np.isfinite(start_poses(limbs, np.array([[1.0, 0, 0]]), ADULT).rotations).all()
+
+
+# Where another pose was found
+
+
+def test_other_ways_are_those_of_a_graph_with_the_same_pelvis_neck_and_feet():
+    found = joints_of(starts_of("standing"))
+    again = other_ways(found[:1].astype(np.float64), ADULT)
+    assert again.rotations.shape == (1, STARTS, 17, 3, 3)
+    joints = joints_of(again)
+    # The first is what was found; the third faces the other way and stands on the same places.
+    np.testing.assert_allclose(joints[0], found[0], atol=0.08)
+    left, right = (JOINT_NAMES.index(f"{side}_foot") for side in "lr")
+    np.testing.assert_allclose(joints[2][[left, right]], found[0][[right, left]], atol=0.15)
+    across = [JOINT_NAMES.index(f"{side}_hip") for side in "lr"]
+    np.testing.assert_allclose(joints[2][across], joints[0][across[::-1]], atol=1e-6)
+    # Whoever faces up has no front; any will do.
+    lying = found[:1].copy()
+    lying[0, across[0]] = lying[0, across[1]]
+    assert np.isfinite(other_ways(lying, ADULT).rotations).all()
 
 
 # Where the graph fails
