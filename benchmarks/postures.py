@@ -11,7 +11,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import cv2
-import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
@@ -28,7 +27,6 @@ from jaxskel import (
 )
 from jaxskel.overlays import draw_silhouette, draw_skeleton, tile, write_image
 
-_CALIBRATION_FRAMES = 24
 _MARGIN = 0.15  # around the person, as a share of the longer side of what is shown
 
 Joints = dict[str, Float[np.ndarray, "frames 3"]]
@@ -47,7 +45,7 @@ def _to_the_left(at: Joints, side: str) -> Float[np.ndarray, " frames"]:
 
 
 def _at_chest(at: Joints) -> Float[np.ndarray, " frames"]:
-    """How far the higher hand is from the height between neck and pelvis (m), beyond a part of the trunk."""
+    """How far the middle of the hands is above or below the trunk's inner part (m)."""
     hands = (at["l_hand"][:, 2] + at["r_hand"][:, 2]) / 2
     return np.maximum(np.abs(hands - (at["neck"][:, 2] + at["pelvis"][:, 2]) / 2) - 0.2, 0.0)
 
@@ -83,12 +81,9 @@ def true_joints(path: Path) -> Joints:
 
 
 def single_frame(recording: Recording, frame: int) -> Poses:
-    """Reconstruct one frame of a recording, the subject known from frames spread over all of it."""
-    spread = np.unique(np.linspace(0, len(recording) - 1, _CALIBRATION_FRAMES).astype(int))
-    settings = Settings()
-    silhouettes = recording.silhouettes[np.append(spread, frame)]
-    known = eqx.tree_at(lambda r: (r.silhouettes, r.truth), recording, (silhouettes, None))
-    return join_poses(reconstruct_batches(recording[frame : frame + 1], settings, prepare(known, settings)))
+    """Reconstruct one frame of a recording, the subject known from all of it."""
+    prepared = prepare(recording, Settings())
+    return join_poses(reconstruct_batches(recording[frame : frame + 1], Settings(), prepared))
 
 
 def drawn(recording: Recording, frame: int, poses: Poses) -> list[np.ndarray]:

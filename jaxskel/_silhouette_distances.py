@@ -41,14 +41,14 @@ class SilhouetteDistances(eqx.Module):
         """
         u, v, depth = (jnp.asarray(a) for a in project(self.cameras, points))
         seen, distance, _ = self._interpolated(u, v)
-        return jnp.where(seen, distance * depth / self._focal, _NOTHING)
+        return self._in_metres(seen, distance, depth)
 
     def near(self, points: Float[Array, "points 3"]) -> Float[Array, "cams points"]:
         """The same without interpolation, in a third of the time and without a gradient."""
         u, v, depth = (jnp.asarray(a) for a in project(self.cameras, points))
         seen, x, y = self._cells(u, v)
         distance = self._value(jnp.round(y).astype(jnp.int32), jnp.round(x).astype(jnp.int32))
-        return jnp.where(seen, distance * depth / self._focal, _NOTHING)
+        return self._in_metres(seen, distance, depth)
 
     def with_gradient(
         self, points: Float[Array, "points 3"]
@@ -65,7 +65,7 @@ class SilhouetteDistances(eqx.Module):
         slopes = tuple(jnp.where(seen, slope / self._focal, 0.0) for slope in slopes)
         turned = jnp.asarray(self.cameras.R)
         gradient = (sum(slopes[row] * turned[:, row, axis, None] for row in range(3)) for axis in range(3))
-        found = jnp.where(seen, distance * depth / self._focal, _NOTHING), tuple(gradient)
+        found = self._in_metres(seen, distance, depth), tuple(gradient)
         # Without it the compiler works all this out again for each sum that is made of it.
         return jax.lax.optimization_barrier(found)
 
@@ -73,6 +73,15 @@ class SilhouetteDistances(eqx.Module):
     def _focal(self) -> Float[Array, "cams 1"]:
         K = jnp.asarray(self.cameras.K)
         return (K[:, 0, 0] + K[:, 1, 1])[:, None] / 2
+
+    def _in_metres(
+        self,
+        seen: Bool[Array, "cams points"],
+        distance: Float[Array, "cams points"],
+        depth: Float[Array, "cams points"],
+    ) -> Float[Array, "cams points"]:
+        """Distances (px) at the depths (m) of what is seen, as `at` gives them."""
+        return jnp.where(seen, distance * depth / self._focal, _NOTHING)
 
     def _cells(
         self, u: Float[Array, "cams points"], v: Float[Array, "cams points"]

@@ -7,19 +7,23 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.spatial.transform import Rotation
 
+from jaxskel._body import Body
 from jaxskel._camera import Cameras, make_cameras, rays
 from jaxskel._graph import SkeletalGraph
 from jaxskel._limbs import END_NODE_REACH
 from jaxskel._skeleton import (
     JOINT_NAMES,
     JOINT_PARENTS,
+    SEGMENT_NAMES,
     SEGMENT_OF_PIVOT,
     SEGMENT_PARENTS,
     TIP_NAMES,
     TIP_PARENTS,
     Pose,
     Skeleton,
+    default_adult,
     forward_kinematics,
+    rest_origins,
 )
 from jaxskel.terms import AbstractTerm, Observed, PlacedBody
 
@@ -122,6 +126,22 @@ WAYS = (
     (*TRUNK, "l_hip", "l_knee", "l_foot"),
     (*TRUNK, "r_hip", "r_knee", "r_foot"),
 )
+
+
+def drawn_body(balls: list[tuple[str, tuple, float]], links: list[tuple[int, int]]) -> Body:
+    """A body of the default adult: balls by segment, place at rest and radius."""
+    adult = default_adult()
+    segments = np.array([SEGMENT_NAMES.index(name) for name, _, _ in balls], np.int32)
+    offsets = np.array([place for _, place, _ in balls]) - np.asarray(rest_origins(adult))[segments]
+    return Body(adult, segments, offsets, np.array([radius for _, _, radius in balls]), np.array(links, np.int32))
+
+
+def shifted(body: PlacedBody, **segments) -> PlacedBody:
+    """The placed body with segments moved (m) as if they were torn off, so that depths are easily computed."""
+    origins = np.array(body.origins)
+    for name, by in segments.items():
+        origins[SEGMENT_NAMES.index(name)] += by
+    return eqx.tree_at(lambda b: b.origins, body, jnp.asarray(origins))
 
 
 def ideal_graph(skeleton: Skeleton, pose: Pose) -> Observed:

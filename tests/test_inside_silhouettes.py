@@ -5,12 +5,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from drawn import chain, film, ideal_graph, pose_of, ring
+from drawn import chain, drawn_body, film, ideal_graph, pose_of, ring, shifted
 
 from jaxskel import Pose, SilhouetteDistances, default_adult, make_body, make_cameras
-from jaxskel._body import Body, capsule_ends
+from jaxskel._body import capsule_ends
 from jaxskel._silhouette_distances import silhouette_distances
-from jaxskel._skeleton import SEGMENT_NAMES, rest_origins
 from jaxskel.parametrisations import HingedLimbs
 from jaxskel.terms import InsideSilhouettes, Observed, place
 
@@ -51,21 +50,6 @@ def costs(term: InsideSilhouettes, points: jax.Array, radii: jax.Array, seen: Ob
 def distances(seen: Observed, points: jax.Array) -> jax.Array:
     assert seen.silhouettes is not None
     return seen.silhouettes.at(points)
-
-
-def drawn_body(balls: list[tuple[str, tuple, float]], links: list[tuple[int, int]]) -> Body:
-    """Balls by segment, place at rest and radius."""
-    segments = np.array([SEGMENT_NAMES.index(name) for name, _, _ in balls], np.int32)
-    offsets = np.array([place for _, place, _ in balls]) - np.asarray(rest_origins(ADULT))[segments]
-    return Body(ADULT, segments, offsets, np.array([radius for _, _, radius in balls]), np.array(links, np.int32))
-
-
-def shifted(body, **segments):
-    """The placed body with segments moved (m) as if they were torn off."""
-    origins = np.array(body.origins)
-    for name, by in segments.items():
-        origins[SEGMENT_NAMES.index(name)] += by
-    return eqx.tree_at(lambda b: b.origins, body, jnp.asarray(origins))
 
 
 # Two metres in front of the views: thin along x from -0.3 to 0.3 m, and a thicker one across.

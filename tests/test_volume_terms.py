@@ -5,12 +5,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from drawn import ideal_graph, pose_of
+from drawn import drawn_body, ideal_graph, pose_of, shifted
 
 from jaxskel import Pose, default_adult
-from jaxskel._body import Body, capsule_ends, make_body
+from jaxskel._body import capsule_ends, make_body
 from jaxskel._field import DistanceField
-from jaxskel._skeleton import SEGMENT_NAMES, rest_origins
+from jaxskel._skeleton import rest_origins
 from jaxskel.parametrisations import HingedLimbs
 from jaxskel.terms import ArmCollision, InsideHull, SurfaceCoverage, place
 
@@ -20,21 +20,6 @@ HINGED = HingedLimbs()
 REST = Pose(np.zeros(3), np.tile(np.eye(3), (17, 1, 1)))
 AT_REST = place(ADULT, REST)
 GRAPH = ideal_graph(ADULT, REST)
-
-
-def drawn_body(balls: list[tuple[str, tuple, float]], links: list[tuple[int, int]]) -> Body:
-    """Balls by segment, place at rest and radius."""
-    segments = np.array([SEGMENT_NAMES.index(name) for name, _, _ in balls], np.int32)
-    offsets = np.array([place for _, place, _ in balls]) - ORIGINS[segments]
-    return Body(ADULT, segments, offsets, np.array([radius for _, _, radius in balls]), np.array(links, np.int32))
-
-
-def shifted(body, **segments):
-    """The placed body with segments moved (m) as if they were torn off, so that depths are easily computed."""
-    origins = np.array(body.origins)
-    for name, by in segments.items():
-        origins[SEGMENT_NAMES.index(name)] += by
-    return eqx.tree_at(lambda b: b.origins, body, jnp.asarray(origins))
 
 
 # Surface coverage
