@@ -44,17 +44,40 @@ _SIDED_LINKS = (
 
 
 class Body(eqx.Module):
-    """Balls fixed to the segments of a skeleton, and the capsules between them. See [`make_body`][]."""
+    """Balls fixed to the segments of a skeleton, and the capsules between them. See [`make_body`][].
+
+    What hangs on what is static: indices that the compiler knows cost nothing.
+    """
 
     skeleton: Skeleton
-    segments: Int[Array | np.ndarray, " balls"]
-    """Segment that carries each ball, an index into `SEGMENT_NAMES`."""
     offsets: Float[Array | np.ndarray, "balls 3"]
     """Centre of each ball at rest, from the point that its segment turns about (m)."""
     radii: Float[Array | np.ndarray, " balls"]
     """(m)"""
-    links: Int[Array | np.ndarray, "capsules 2"]
-    """The two balls of each capsule."""
+    _segments: tuple[int, ...] = eqx.field(static=True)
+    _links: tuple[tuple[int, int], ...] = eqx.field(static=True)
+
+    def __init__(
+        self,
+        skeleton: Skeleton,
+        segments: Int[np.ndarray, " balls"],
+        offsets: Float[Array | np.ndarray, "balls 3"],
+        radii: Float[Array | np.ndarray, " balls"],
+        links: Int[np.ndarray, "capsules 2"],
+    ):
+        self.skeleton, self.offsets, self.radii = skeleton, offsets, radii
+        self._segments = tuple(int(segment) for segment in segments)
+        self._links = tuple((int(first), int(second)) for first, second in links)
+
+    @property
+    def segments(self) -> Int[np.ndarray, " balls"]:
+        """Segment that carries each ball, an index into `SEGMENT_NAMES`."""
+        return np.array(self._segments, np.int32)
+
+    @property
+    def links(self) -> Int[np.ndarray, "capsules 2"]:
+        """The two balls of each capsule."""
+        return np.array(self._links, np.int32).reshape(-1, 2)
 
 
 def make_body(skeleton: Skeleton) -> Body:

@@ -23,27 +23,37 @@ def descend(
 ) -> Pose:
     """Let the pose of one frame descend by one damped Gauss-Newton step."""
     placed = place(skeleton, pose)
-    capsules = [term for term in objective.terms.values() if isinstance(term, CapsuleTerm)]
     others = Objective({name: term for name, term in objective.terms.items() if not isinstance(term, CapsuleTerm)})
     fixed = others.correspond(placed, observed)
+    groups = _by_body([term for term in objective.terms.values() if isinstance(term, CapsuleTerm)])
 
     def moved(unknowns: Float[Array, " unknowns"]) -> tuple[Float[Array, " rows"], list[Array]]:
         body = place(skeleton, parametrisation.nearby(unknowns, pose, skeleton))
         rows = [jnp.zeros(1), *(r.ravel() for r in others.residuals(body, observed, fixed).values())]
-        return jnp.concatenate(rows), [term.ends(body).reshape(-1, 6) for term in capsules]
+        return jnp.concatenate(rows), [terms[0].ends(body).reshape(-1, 6) for terms in groups]
 
     zeros = parametrisation.unknowns()
     (value, _), tangent = jax.linearize(moved, zeros)
     jacobian, ends = jax.vmap(tangent)(jnp.eye(len(zeros)))  # unknowns x rows, unknowns x capsules x 6
     matrix, gradient = jacobian @ jacobian.T, jacobian @ value
-    for term, change in zip(capsules, ends, strict=True):
-        quadrics = term.quadrics(placed, observed)
+    for terms, change in zip(groups, ends, strict=True):
+        quadrics = [(term.weight, term.quadrics(placed, observed)) for term in terms]
+        inner = sum((weight * each.matrix for weight, each in quadrics), jnp.zeros(()))
+        pull = sum((weight * each.vector for weight, each in quadrics), jnp.zeros(()))
         # Written out by components: rows of capsules are long enough for a processor, small matrices are not.
         parts = [change[..., i] for i in range(6)]
-        pulled = [sum(part * quadrics.matrix[None, :, i, j] for j, part in enumerate(parts)) for i in range(6)]
+        pulled = [sum(part * inner[None, :, i, j] for j, part in enumerate(parts)) for i in range(6)]
         across = jnp.concatenate(parts, 1)
-        matrix = matrix + term.weight * jnp.concatenate(pulled, 1) @ across.T
-        gradient = gradient - term.weight * across @ quadrics.vector.T.ravel()
+        matrix = matrix + jnp.concatenate(pulled, 1) @ across.T
+        gradient = gradient - across @ pull.T.ravel()
     damped = matrix + jnp.diag(_DAMPING + _RELATIVE_DAMPING * jnp.diagonal(matrix))
     unknowns = -jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(damped, lower=True), gradient)
     return parametrisation.pose(jnp.clip(unknowns, -_REACH, _REACH), pose, skeleton)
+
+
+def _by_body(terms: list[CapsuleTerm]) -> list[list[CapsuleTerm]]:
+    """Terms of the same body together: what their capsules cost adds up before the unknowns come in."""
+    groups: dict[int, list[CapsuleTerm]] = {}
+    for term in terms:
+        groups.setdefault(id(term.body), []).append(term)
+    return list(groups.values())

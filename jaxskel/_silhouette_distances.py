@@ -25,14 +25,21 @@ _NOTHING = -1.0
 class SilhouetteDistances(eqx.Module):
     """Signed distance from the outline of each silhouette on a regular grid of its image: negative on the person."""
 
-    values: Float[Array | np.ndarray, "*frames cams rows columns"]
-    """Distances (px)."""
+    values: Float[Array | np.ndarray, "*stack cams rows columns"]
+    """Distances (px), with the leading axes of the others, or, see `frame`, those of a stack."""
     step: Float[Array | np.ndarray, "*frames"]
     """Distance of neighbouring values (px)."""
     cameras: Cameras
     """The rig, in the world worked in, with the same leading axes."""
     misses: Int[Array | np.ndarray, "*frames"]
     """So many views may err at any point."""
+    frame: Int[Array, ""] | None = None
+    """Where this is one frame of a stack, which one: then `values` are still those of all frames."""
+
+    def of(self, frame: Int[Array, ""]) -> "SilhouetteDistances":
+        """One frame of a stack on the device; its values, which are large, stay where they are."""
+        step, cameras, misses = jax.tree.map(lambda a: a[frame], (self.step, self.cameras, self.misses))
+        return SilhouetteDistances(self.values, step, cameras, misses, frame)
 
     def at(self, points: Float[Array, "points 3"]) -> Float[Array, "cams points"]:
         """Distances at points of the world (m, at the depth of each point), for one frame.
@@ -96,7 +103,8 @@ class SilhouetteDistances(eqx.Module):
     def _value(self, row: Int[Array, "cams points"], column: Int[Array, "cams points"]) -> Float[Array, "cams points"]:
         """Of cells (px)."""
         rows, columns = self.values.shape[-2:]
-        view = jnp.arange(len(row), dtype=jnp.int32)[:, None] * (rows * columns)
+        view = jnp.arange(len(row), dtype=jnp.int32)[:, None]
+        view = (view if self.frame is None else self.frame * len(row) + view) * (rows * columns)
         return jnp.asarray(self.values).reshape(-1).at[view + row * columns + column].get(mode="promise_in_bounds")
 
     def _interpolated(
@@ -106,8 +114,10 @@ class SilhouetteDistances(eqx.Module):
         seen, x, y = self._cells(u, v)
         column, row = jnp.floor(x).astype(jnp.int32), jnp.floor(y).astype(jnp.int32)
         x, y = x - column, y - row
-        a, b = self._value(row, column), self._value(row, column + 1)
-        c, d = self._value(row + 1, column), self._value(row + 1, column + 1)
+        corners = self._value(row, column), self._value(row, column + 1)
+        corners += self._value(row + 1, column), self._value(row + 1, column + 1)
+        # Without it the compiler looks them up again for each of the three results.
+        seen, x, y, (a, b, c, d) = jax.lax.optimization_barrier((seen, x, y, corners))
         upper, lower = a * (1 - x) + b * x, c * (1 - x) + d * x
         slope = ((b - a) * (1 - y) + (d - c) * y) / self.step, (lower - upper) / self.step
         return seen, upper * (1 - y) + lower * y, slope

@@ -4,7 +4,7 @@ from typing import Any
 
 import jax
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Bool, Int
 
 
 def single_precision(tree: Any) -> Any:
@@ -12,7 +12,11 @@ def single_precision(tree: Any) -> Any:
     return jax.tree.map(lambda a: a if a.dtype.kind in "bi" else np.asarray(a, np.float32), tree)
 
 
-def taken(tree: Any, index: Int[np.ndarray, " some"]) -> Any:
+STACK = 32
+"""Stacks on the device are filled up to a multiple of this, so that few shapes are compiled."""
+
+
+def taken(tree: Any, index: Int[np.ndarray, "*some"] | Bool[np.ndarray, "*all"]) -> Any:
     """Some of a stack, in any order, also several times."""
     return jax.tree.map(lambda a: np.asarray(a)[index], tree)
 
@@ -21,7 +25,17 @@ def padded(tree: Any, length: int) -> Any:
     """A stack filled up with its first member, so that every batch has the same shapes; in single precision."""
 
     def pad(a: np.ndarray) -> np.ndarray:
+        if len(a) == length:
+            return a
         filler = np.zeros((1, *a.shape[1:]), a.dtype) if len(a) == 0 else a[:1]
         return np.concatenate([a, np.repeat(filler, length - len(a), 0)])
 
     return jax.tree.map(pad, single_precision(tree))
+
+
+def on_device(tree: Any) -> Any:
+    """A stack as compiled functions take it: filled up, and where it is already, left alone."""
+    leaves = jax.tree.leaves(tree)
+    if all(isinstance(leaf, jax.Array) and len(leaf) % STACK == 0 for leaf in leaves):
+        return tree
+    return jax.device_put(padded(tree, STACK * -(-len(leaves[0]) // STACK)))

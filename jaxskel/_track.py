@@ -8,10 +8,10 @@ from jaxtyping import Array, Float, Int
 
 from ._body import place_joints
 from ._fits import fit_hypothesis, fit_scales
-from ._hypotheses import Hypotheses
+from ._hypotheses import Hypotheses, Pool, pool_of
 from ._skeleton import Pose
 from ._solve import Model, Search, dear, solve_frames
-from ._stacks import single_precision, taken
+from ._stacks import on_device, single_precision, taken
 from .terms import Observed
 
 # Frames followed in one go, forwards and backwards.
@@ -20,6 +20,8 @@ TRACKED_FRAMES = 32
 _RECENT = 90
 # Poses that agree to this in every joint are the same (m).
 _SAME = 0.05
+# Where a joint moves farther than this from one frame to the next (m), the pose before tells little of the one after.
+_FAR = 0.2
 
 
 class Tracking(eqx.Module):
@@ -56,9 +58,10 @@ def track_frames(
 ) -> tuple[Hypotheses, Track]:
     """Poses of up to `TRACKED_FRAMES` consecutive frames.
 
-    A full search is made at regular intervals, and where the track costs more than is usual for the subject. From the
-    poses that it finds the track goes on forwards and backwards; where the two differ, the one that is cheaper over
-    all frames wins, and so left and right are decided by the sequence.
+    A full search is made at regular intervals, where the track costs more than is usual for the subject, and where it
+    moves so far that it may have been led astray. From the poses that it finds the track goes on forwards and
+    backwards; where the two differ, the one that is cheaper over all frames wins, and so left and right are decided by
+    the sequence.
 
     Args:
         model: The subject.
@@ -79,21 +82,26 @@ def track_frames(
     searched = np.flatnonzero((np.arange(count) + 1 + since) % every == 0) if every > 1 else np.arange(count)
     if track is None:
         searched = np.union1d(searched, [0])
-    offers = Hypotheses(jax.tree.map(lambda a: np.asarray(a)[:, :1], starts), np.full((count, 1), np.inf, np.float32))
+    stack = on_device(observed.seen_only())
 
-    def searched_in(frames: Int[np.ndarray, " some"]) -> Hypotheses:
-        if len(frames) == 0:
-            return offers
-        return offers.merged(solve_frames(model, search, *taken((starts, fallback, observed), frames)), frames)
+    def searched_in(frames: Int[np.ndarray, " some"]) -> Pool:
+        found = solve_frames(model, search, starts, fallback, stack, frames)
+        return Pool(frames, found.best, found.cost[:, 0])
 
-    offers = searched_in(searched)
+    # What is not searched for is offered by nobody.
+    offers = pool_of(jax.tree.map(lambda a: a[:, :1], starts), np.arange(count))
+    if len(searched):
+        offers = offers.joined(searched_in(searched)).cheapest(1)
     costs = np.zeros(0) if track is None else track.costs
-    found = _best_track(model, tracking, track, offers, observed)
+    found = _best_track(model, tracking, track, offers, stack)
     usual = float(np.median(np.concatenate([costs, found.cost[:, 0]])[-_RECENT:]))
-    lost = np.setdiff1d(np.flatnonzero(found.cost[:, 0] > dear(usual)), searched)
+    places = _places(model, found.best)
+    before = places[:1] if track is None else _places(model, jax.tree.map(lambda a: a[None], track.last))
+    moved = np.linalg.norm(np.diff(np.concatenate([before, places]), axis=0), axis=-1).max(-1)
+    lost = np.setdiff1d(np.flatnonzero((found.cost[:, 0] > dear(usual)) | (moved > _FAR)), searched)
     if len(lost):
-        offers = searched_in(lost)
-        found = _best_track(model, tracking, track, offers, observed)
+        offers = offers.joined(searched_in(lost)).cheapest(1)
+        found = _best_track(model, tracking, track, offers, stack)
     last, before = (jax.tree.map(lambda a, i=i: a[max(count - i, 0)], found.best) for i in (1, 2))
     if count == 1 and track is not None:
         before = track.last
@@ -101,20 +109,19 @@ def track_frames(
     return found, Track(last, before, (since + count) % every, costs)
 
 
-def _best_track(
-    model: Model, tracking: Tracking, track: Track | None, offers: Hypotheses, observed: Observed
-) -> Hypotheses:
-    count = len(offers.cost)
-    first = jax.tree.map(lambda a: a[0, 0], offers.poses)
+def _best_track(model: Model, tracking: Tracking, track: Track | None, offers: Pool, stack: Observed) -> Hypotheses:
+    count = len(offers)
+    first = jax.tree.map(lambda a: a[0], offers.poses)
     last, before = (first, first) if track is None else (track.last, track.before)
     frames = np.minimum(np.arange(TRACKED_FRAMES), count - 1)
-    seen = observed.seen_only()
     half = tracking.steps // 2
     scales = fit_scales((0.08, half), (0.04, tracking.steps - half))
 
     def follow(order: Int[np.ndarray, " frames"], last: Pose, before: Pose) -> tuple[Pose, np.ndarray]:
-        given = single_precision((last, before, *taken((offers.first(1), offers.cost, seen), order)))
-        found = _follow(model, jnp.asarray(tracking.margin, jnp.float32), scales, *given)
+        margin, number = jnp.asarray(tracking.margin, jnp.float32), jnp.asarray(order, jnp.int32)
+        last, before = single_precision((last, before))
+        poses, cost = single_precision(taken((offers.poses, offers.cost), order))
+        found = _follow(model, margin, scales, last, before, poses, cost, number, stack)
         return jax.tree.map(lambda a: np.asarray(a)[:count], found)
 
     forwards, cost = follow(frames, last, before)
@@ -167,20 +174,20 @@ def _follow(
     last: Pose,
     before: Pose,
     offered: Pose,
-    offered_cost: Float[Array, "frames 1"],
-    observed: Observed,
+    offered_cost: Float[Array, " frames"],
+    order: Int[Array, " frames"],
+    stack: Observed,
 ) -> tuple[Pose, Float[Array, " frames"]]:
-    """Fit each frame from the one before and from where the motion leads to; take what is offered if it is cheaper."""
+    """Fit each frame from the one before in some order, and from where the motion leads to.
 
-    def step(
-        past: tuple[Pose, Pose], frame: tuple[Pose, Array, Observed]
-    ) -> tuple[tuple[Pose, Pose], tuple[Pose, Array]]:
-        (last, before), (offered, offered_cost, seen) = past, frame
-        offered, offered_cost = jax.tree.map(lambda a: a[0], (offered, offered_cost))
+    What is offered is taken where it is cheaper.
+    """
+
+    def step(past: tuple[Pose, Pose], frame: tuple[Pose, Array, Array]) -> tuple[tuple[Pose, Pose], tuple[Pose, Array]]:
+        (last, before), (offered, offered_cost, number) = past, frame
+        seen = stack.of(number)
         hypotheses = jax.tree.map(lambda *a: jnp.stack(a), last, _onwards(last, before))
-        poses, cost = jax.vmap(lambda pose: fit_hypothesis(model.objective, model.skeleton, pose, seen, scales))(
-            hypotheses
-        )
+        poses, cost = jax.vmap(lambda pose: fit_hypothesis(model.body, pose, seen, scales))(hypotheses)
         best = jnp.argmin(cost)
         pose, cost = jax.tree.map(lambda a: a[best], (poses, cost))
         switch = offered_cost < cost - margin
@@ -189,7 +196,7 @@ def _follow(
         last = jax.tree.map(lambda new, old: jnp.where(switch, new, old), pose, last)
         return (pose, last), (pose, jnp.where(switch, offered_cost, cost))
 
-    return jax.lax.scan(step, (last, before), (offered, offered_cost, observed))[1]
+    return jax.lax.scan(step, (last, before), (offered, offered_cost, order))[1]
 
 
 def _onwards(last: Pose, before: Pose) -> Pose:

@@ -1,40 +1,66 @@
-"""Hypotheses of poses: ordered, merged, cut off."""
+"""Hypotheses of poses: pooled, cut off, put in rows."""
 
-import jax
 import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
 
 from jaxskel import Hypotheses, Pose
+from jaxskel._hypotheses import Pool, pool_of
 
 
-def hypotheses(costs: list[list[float]]) -> Hypotheses:
-    """Poses whose roots tell which they are: frame, number, cost."""
-    cost = np.array(costs)
-    index = np.indices(cost.shape)
-    return Hypotheses(Pose(np.stack([*index, cost], -1), np.tile(np.eye(3), (*cost.shape, 17, 1, 1))), cost)
+def numbered(number: np.ndarray) -> Pose:
+    """Poses whose roots tell which they are."""
+    return Pose(np.repeat(number[..., None], 3, -1).astype(np.float32), np.tile(np.eye(3), (*number.shape, 17, 1, 1)))
+
+
+def pool(frames: list[int], costs: list[float]) -> Pool:
+    return Pool(np.array(frames, int), numbered(np.arange(len(frames))), np.array(costs, np.float32))
+
+
+def numbers(found: Pool) -> list[int]:
+    return found.poses.root[:, 0].astype(int).tolist()
 
 
 def test_ordered_takes_poses_and_costs_along():
-    new = hypotheses([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]).ordered(np.array([[2, 0], [1, 1]]))
+    cost = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
+    new = Hypotheses(numbered(np.arange(6).reshape(2, 3)), cost).ordered(np.array([[2, 0], [1, 1]]))
     np.testing.assert_array_equal(new.cost, [[3.0, 1.0], [5.0, 5.0]])
-    np.testing.assert_array_equal(new.poses.root[..., 1], [[2, 0], [1, 1]])
-    np.testing.assert_array_equal(new.poses.root[..., 2], new.cost)
+    np.testing.assert_array_equal(new.poses.root[..., 1], [[2, 0], [4, 4]])
     assert new.poses.rotations.shape == (2, 2, 17, 3, 3)
+    np.testing.assert_array_equal(new.best.root[:, 0], [2, 4])
 
 
-def test_merged_keeps_the_cheapest_of_both_where_asked():
-    old = hypotheses([[2.0, 4.0], [2.0, 4.0], [2.0, 4.0]])
-    frames = np.array([2, 0])
-    new = hypotheses([[2.0, 5.0, 9.0], [1.0, 3.0, 9.0]])  # of these frames only
-    both = old.merged(new, frames)
-    np.testing.assert_array_equal(both.cost, [[1.0, 2.0], [2.0, 4.0], [2.0, 2.0]])
-    np.testing.assert_array_equal(both.poses.root[..., 2], both.cost)
-    # Whose they are: the second row of the new ones, then old ones; of equally cheap ones the old one is first.
-    np.testing.assert_array_equal(both.poses.root[..., 0], [[1, 0], [1, 1], [2, 0]])
-    np.testing.assert_array_equal(old.cost, [[2.0, 4.0]] * 3)
-    nothing = jax.tree.map(lambda a: a[:0], new)
-    np.testing.assert_array_equal(old.merged(nothing, frames[:0]).cost, old.cost)
+def test_cheapest_of_each_frame_by_hand():
+    found = pool([7, 2, 7, 2, 7], [3.0, 5.0, 1.0, 5.0, 2.0])
+    assert numbers(found.cheapest(1)) == [1, 2]  # of equally cheap ones the first
+    assert numbers(found.cheapest(2)) == [1, 3, 2, 4]
+    assert numbers(found.cheapest(2, first=1)) == [3, 4, 0]
+    assert numbers(found.of(np.array([7])).cheapest(9)) == [2, 4, 0]
 
 
-def test_first_is_the_beginning_of_each_frame():
-    poses = hypotheses([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]).first(2)
-    np.testing.assert_array_equal(poses.root[..., 2], [[1.0, 2.0], [4.0, 5.0]])
+@given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 5)), max_size=30), st.integers(1, 4))
+def test_cheapest_and_the_rest_are_all(members, count):
+    found = pool([frame for frame, _ in members], [float(cost) for _, cost in members])
+    best, rest = found.cheapest(count), found.cheapest(99, count)
+    assert sorted(numbers(best) + numbers(rest)) == list(range(len(found)))
+    for frame in np.unique(found.frame):
+        chosen, left = best.of(frame[None]), rest.of(frame[None])
+        assert len(chosen) == min(count, (found.frame == frame).sum())
+        assert (np.diff(chosen.cost) >= 0).all()
+        assert len(left) == 0 or left.cost.min() >= chosen.cost.max()
+
+
+def test_rows_are_filled_up_with_the_dearest():
+    found = pool([4, 1, 4, 1, 1], [2.0, 9.0, 1.0, 7.0, 8.0])
+    rows = found.rows(np.array([1, 4]), 3)
+    np.testing.assert_array_equal(rows.cost, [[7, 8, 9], [1, 2, 2]])
+    np.testing.assert_array_equal(rows.poses.root[..., 0], [[3, 4, 1], [2, 0, 0]])
+
+
+def test_pools_are_joined_and_made_of_rows():
+    made = pool_of(numbered(np.arange(6).reshape(2, 3)), np.array([5, 3]))
+    assert made.frame.tolist() == [5, 5, 5, 3, 3, 3]
+    assert np.isinf(made.cost).all()
+    both = made.joined(pool([3], [1.0]))
+    assert len(both) == 7
+    assert both.cheapest(1).cost.tolist() == [1.0, np.inf]

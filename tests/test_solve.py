@@ -16,6 +16,7 @@ from jaxskel._hypotheses import Hypotheses
 from jaxskel._limb_search import with_limb
 from jaxskel._skeleton import JOINT_NAMES
 from jaxskel._solve import Search, _with_pairs, _with_single, make_model, solve_frames
+from jaxskel._stacks import on_device
 from jaxskel.parametrisations import HingedLimbs
 from jaxskel.synthetic import demo_motion
 from jaxskel.terms import place
@@ -107,11 +108,8 @@ def test_limbs_that_are_freed_are_found_again(filmed, names):
     wrong = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), filmed.truth)
     for name in names:
         wrong = jax.vmap(lambda pose, limb=model.limbs[name]: with_limb(pose, limb, jnp.asarray(0)))(wrong)
-    poses = some(wrong, np.s_[:, None])
-    if len(names) == 2:
-        found = _with_pairs(model, poses, filmed.observed, names, 4)
-    else:
-        found = _with_single(model, poses, filmed.observed, names[0], 4)
+    given = model, wrong, jnp.arange(8), on_device(filmed.observed.seen_only())
+    found = _with_pairs(*given, names, 4) if len(names) == 2 else _with_single(*given, names[0], 4)
     ends = {"arm": ("elbow", "hand"), "leg": ("knee", "foot")}
     at = [JOINT_NAMES.index(f"{name[:2]}{end}") for name in names for end in ends[name[2:]]]
     off = [farthest(joints_of(some(found, np.s_[:, i]))[:, at], filmed.joints[:, at]) for i in range(4)]
@@ -132,7 +130,7 @@ def test_without_steps_poses_are_only_ordered(filmed):
     roots = truth.root[:, None] + off[..., None] * [0.6, 0.0, 0.8]
     poses = Pose(roots, np.repeat(truth.rotations[:, None], 7, 1))
     model = make_model(BODY)
-    found = fit_poses(model.objective, model.skeleton, poses, some(filmed.observed, frames), fit_scales((0.04, 0)))
+    found = fit_poses(model.body, poses, some(filmed.observed, frames), fit_scales((0.04, 0)))
     assert found.cost.shape == (9, 7)
     expected = np.take_along_axis(roots, np.argsort(off, 1)[..., None], 1)
     np.testing.assert_allclose(found.poses.root, expected, atol=1e-6)
@@ -144,7 +142,7 @@ def test_fits_come_back_to_the_truth(filmed):
     model = make_model(BODY)
     off = Pose(filmed.truth.root + [0.03, -0.02, 0.02], filmed.truth.rotations)
     scales = fit_scales((0.06, 4), (0.04, 4))
-    found = fit_poses(model.objective, model.skeleton, some(off, np.s_[:, None]), filmed.observed, scales)
+    found = fit_poses(model.body, some(off, np.s_[:, None]), filmed.observed, scales)
     joints = joints_of(some(found.poses, (slice(None), 0)))
     assert farthest(joints, filmed.joints).max() < 0.05
     assert np.median(np.linalg.norm(joints - filmed.joints, axis=-1)) < 0.012

@@ -15,14 +15,14 @@ _FOREARM = np.array([name[2:] in ("forearm", "hand") for name in SEGMENT_NAMES])
 
 
 class Contacts(eqx.Module):
-    """What is nearest to each ball of the capsules of trunk, head and legs."""
+    """What is nearest to each ball of forearms and hands, of the capsules of trunk, head and legs."""
 
-    relative: Float[Array, "balls balls"]
+    relative: Float[Array, "forearms balls"]
     """By these shares of all displacements a ball moves relative to what is nearest to it."""
-    normal: Float[Array, "balls 3"]
+    normal: Float[Array, "forearms 3"]
     centres: Float[Array, "balls 3"]
-    depth: Float[Array, " balls"]
-    """By how much the ball lies too deep (m); large and negative for balls that may."""
+    depth: Float[Array, " forearms"]
+    """By how much the ball lies too deep (m)."""
 
 
 class ArmCollision(AbstractTerm):
@@ -37,20 +37,20 @@ class ArmCollision(AbstractTerm):
 
     def correspond(self, body: PlacedBody, observed: Observed) -> Contacts:
         """Nearest capsule, place and normal of each ball."""
-        segments, links, radii = (jnp.asarray(a) for a in (self.body.segments, self.body.links, self.body.radii))
+        links, radii = self.body.links, jnp.asarray(self.body.radii)
+        forearms = np.flatnonzero(_FOREARM[self.body.segments]).astype(np.int32)
+        links = links[~_ARM[self.body.segments][links].any(1)]
         centres = jnp.asarray(ball_centres(self.body, body.origins, body.rotations))
-        ends, capsule_radii = centres[links], radii[links]
-        other = ~jnp.asarray(_ARM)[segments][links].any(1)
-        which = jnp.argmin(jnp.where(other[None], all_distances(centres, ends, capsule_radii), jnp.inf), 1)
-        which = which.astype(jnp.int32)
-        distance, part, normal = toward_capsule(centres, ends[which], capsule_radii[which])
-        depth = jnp.where(jnp.asarray(_FOREARM)[segments], self.share * radii - distance, -1e3)
-        numbers = jnp.arange(len(centres), dtype=jnp.int32)
-        first, last = ((links[which, end][:, None] == numbers[None]).astype(part.dtype) for end in (0, 1))
-        relative = jnp.eye(len(centres)) - (1 - part)[:, None] * first - part[:, None] * last
-        return Contacts(relative, normal, centres, depth)
+        balls, ends, capsule_radii = centres[forearms], centres[links], radii[links]
+        which = jnp.argmin(all_distances(balls, ends, capsule_radii), 1).astype(jnp.int32)
+        distance, part, normal = toward_capsule(balls, ends[which], capsule_radii[which])
+        numbers = np.arange(len(radii), dtype=np.int32)[None]
+        first, last = ((jnp.asarray(links)[which, end][:, None] == numbers).astype(part.dtype) for end in (0, 1))
+        own = (forearms[:, None] == numbers).astype(np.float32)
+        relative = own - (1 - part)[:, None] * first - part[:, None] * last
+        return Contacts(relative, normal, centres, self.share * radii[forearms] - distance)
 
-    def residual(self, body: PlacedBody, observed: Observed, fixed: Contacts) -> Float[Array, " balls"]:
+    def residual(self, body: PlacedBody, observed: Observed, fixed: Contacts) -> Float[Array, " forearms"]:
         """Depths of penetration (m), zero outside."""
         moved = jnp.asarray(ball_centres(self.body, body.origins, body.rotations)) - fixed.centres
         return jnp.maximum(fixed.depth - (fixed.normal * (fixed.relative @ moved)).sum(-1), 0.0)

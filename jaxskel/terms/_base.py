@@ -3,9 +3,10 @@
 from typing import Any, ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, PyTree
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from .._contours import Contours
 from .._field import DistanceField
@@ -48,6 +49,13 @@ class Observed(eqx.Module):
         """Without the fields of hulls, which are large."""
         graph = self.paths, self.found, self.neck, self.pelvis
         return Observed(*graph, None, None, self.contours, self.silhouettes)
+
+    def of(self, frame: Int[Array, ""]) -> "Observed":
+        """One frame of a stack on the device, without its silhouettes being copied."""
+        rest = eqx.tree_at(lambda o: o.silhouettes, self, None, is_leaf=lambda leaf: leaf is None)
+        one = jax.tree.map(lambda a: a[frame], rest)
+        found = None if self.silhouettes is None else self.silhouettes.of(frame)
+        return eqx.tree_at(lambda o: o.silhouettes, one, found, is_leaf=lambda leaf: leaf is None)
 
     def thinned(self, factor: int) -> "Observed":
         """With one outline's ray of so many."""
