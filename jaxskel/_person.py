@@ -7,8 +7,9 @@ from scipy import ndimage
 from scipy.spatial import KDTree
 
 from ._carve import ProjectionTable
-from ._hull import VisualHulls, label_bodies
+from ._hull import VisualHulls
 from ._poses import Status
+from ._runs import find_bodies, kept
 
 _LEAST_PERSON = 0.008  # a smaller hull is no person (m^3)
 _RIVAL_SHARE = 0.3  # a second body has at least this share of the largest one's volume
@@ -38,36 +39,34 @@ def find_people(hulls: VisualHulls, edge: Bool[np.ndarray, "x y z"], gap: float 
         edge: From [`observed_edge`][], on the hulls' grid.
         gap: What is no farther than this from the largest body belongs to it (m): holes in masks cut people up.
     """
-    count = len(hulls)
-    inside = hulls.inside.copy()
-    status = np.full(count, int(Status.OK))
-    at_edge = edge[tuple(hulls.voxels.T)]
-    for f in range(count):
-        own = np.flatnonzero(inside[f])
-        labels, sizes = label_bodies(hulls.voxels[own])
-        if gap > 0 and len(sizes) > 1:
-            labels, sizes = _joined(hulls.voxels[own], labels, sizes, gap / hulls.grid.spacing)
+    bodies = find_bodies(hulls)
+    status = np.full(len(hulls), int(Status.OK))
+    chosen = np.zeros(len(bodies.sizes), bool)
+    for f in range(len(hulls)):
+        own = np.flatnonzero(bodies.frame_of_body == f)
+        sizes, parts = bodies.sizes[own], own[:0]
+        if len(own):
+            parts = own[np.argmax(sizes), None]
+        if gap > 0 and len(own) > 1:
+            voxels = hulls.voxels[hulls.inside[f]]
+            parts = _joined(voxels, bodies.voxels_of(f), parts[0], gap / hulls.grid.spacing)
+            sizes = np.append(bodies.sizes[parts].sum(), bodies.sizes[np.setdiff1d(own, parts)])
         status[f] = _judge(sizes * hulls.grid.spacing**3)
-        if status[f] == Status.OK:
-            own = own[labels == 1 + np.argmax(sizes)]
-            if at_edge[own].sum() >= _EDGE_VOXELS:
-                status[f] = Status.PARTLY_OUTSIDE
-        inside[f] = False
-        if status[f] == Status.OK:
-            inside[f, own] = True
+        chosen[parts] = status[f] == Status.OK
+    inside = kept(hulls, bodies, chosen)
+    at_edge = np.flatnonzero(edge[tuple(hulls.voxels.T)])
+    outside = inside[:, at_edge].sum(1) >= _EDGE_VOXELS
+    status[outside], inside[outside] = Status.PARTLY_OUTSIDE, False
     return People(VisualHulls(hulls.voxels, inside, hulls.grid), status)
 
 
 def _joined(
-    voxels: Int[np.ndarray, "n 3"], labels: Int[np.ndarray, " n"], sizes: Int[np.ndarray, " bodies"], gap: float
-) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " bodies"]]:
-    """Labels and sizes after the largest body has taken in those no farther from it than a gap (voxels)."""
-    largest = 1 + int(np.argmax(sizes))
-    others = np.flatnonzero(labels != largest)
-    near, _ = KDTree(voxels[labels == largest]).query(voxels[others], distance_upper_bound=gap)
-    labels = labels.copy()
-    labels[np.isin(labels, np.unique(labels[others[np.isfinite(near)]]))] = largest
-    return labels, np.bincount(labels, minlength=len(sizes) + 1)[1:]
+    voxels: Int[np.ndarray, "n 3"], body: Int[np.ndarray, " n"], largest: int | np.integer, gap: float
+) -> Int[np.ndarray, " parts"]:
+    """The largest body and those no farther from it than a gap (voxels)."""
+    others = np.flatnonzero(body != largest)
+    near, _ = KDTree(voxels[body == largest]).query(voxels[others], distance_upper_bound=gap)
+    return np.append(largest, np.unique(body[others[np.isfinite(near)]]))
 
 
 def shares_outside(hulls: VisualHulls, table: ProjectionTable) -> Float[np.ndarray, "frames cams"]:
