@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 import subprocess
 import sys
 from contextlib import chdir, redirect_stderr, redirect_stdout
@@ -26,7 +27,9 @@ def jaxskel(*arguments: object, cwd: Path) -> subprocess.CompletedProcess:
     command = ["jaxskel", *map(str, arguments)]
     out, err, code = io.StringIO(), io.StringIO(), 0
     unchecked = patch.object(jaxtyping.config, "jaxtyping_disable", True)
-    with unchecked, chdir(cwd), patch("sys.argv", command), redirect_stdout(out), redirect_stderr(err):
+    # What tests compile with their checks of shapes is not for the user's cache.
+    uncached = patch.dict("os.environ", JAXSKEL_NO_CACHE="1")
+    with unchecked, uncached, chdir(cwd), patch("sys.argv", command), redirect_stdout(out), redirect_stderr(err):
         try:
             main()
         except SystemExit as end:
@@ -34,10 +37,11 @@ def jaxskel(*arguments: object, cwd: Path) -> subprocess.CompletedProcess:
     return subprocess.CompletedProcess(command, code, out.getvalue(), err.getvalue())
 
 
-def by_itself(*arguments: object, cwd: Path) -> subprocess.CompletedProcess:
+def by_itself(*arguments: object, cwd: Path, **environment: str) -> subprocess.CompletedProcess:
     """In a process of its own, as a user's."""
     command = [sys.executable, "-c", "from jaxskel.cli import main; main()", *map(str, arguments)]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300)
+    known = os.environ | {"JAXSKEL_NO_CACHE": "1"} | environment
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300, env=known)
 
 
 @pytest.fixture(scope="module")
@@ -209,3 +213,18 @@ def test_help_and_version(tmp_path):
     assert "evaluate" in jaxskel("--help", cwd=tmp_path).stdout
     assert jaxskel("run", cwd=tmp_path).returncode == 2
     assert jaxskel("--version", cwd=tmp_path).stdout.startswith("jaxskel ")
+
+
+def test_compiled_code_is_kept_for_the_next_run_unless_told_not_to(folder, tmp_path):
+    caches = {"XDG_CACHE_HOME": str(tmp_path / "cache"), "HOME": str(tmp_path), "LOCALAPPDATA": str(tmp_path)}
+    arguments = ("run", "scene.npz", "-o", tmp_path / "out", "--preset", "paper")
+    without = by_itself("--no-cache", *arguments, cwd=folder, JAXSKEL_NO_CACHE="", **caches)
+    assert without.returncode == 0, without.stderr
+    assert not list(tmp_path.rglob("compiled"))
+    first = by_itself(*arguments, cwd=folder, JAXSKEL_NO_CACHE="", **caches)
+    assert first.returncode == 0, first.stderr
+    kept = {file.name for file in tmp_path.rglob("compiled/*/*") if file.name.endswith("-cache")}
+    assert kept
+    second = by_itself(*arguments, cwd=folder, JAXSKEL_NO_CACHE="", **caches)
+    assert second.returncode == 0, second.stderr
+    assert {file.name for file in tmp_path.rglob("compiled/*/*") if file.name.endswith("-cache")} == kept

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from ._cache import keep_compiled
 from ._check import check
 from ._demo import demo
 from ._evaluate import evaluate
@@ -32,8 +33,12 @@ def _show_version(wanted: bool) -> None:
 @app.callback()
 def _top(
     _: Annotated[bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Version.")] = False,
+    no_cache: Annotated[
+        bool, typer.Option("--no-cache", envvar="JAXSKEL_NO_CACHE", help="Do not keep compiled code for the next run.")
+    ] = False,
 ) -> None:
-    pass
+    if not no_cache:
+        keep_compiled()
 
 
 def main() -> None:

@@ -1,0 +1,29 @@
+"""What is compiled is kept on disk, so that from the second run on a command starts in seconds."""
+
+import hashlib
+import platform
+from pathlib import Path
+
+import jax
+from platformdirs import user_cache_path
+
+
+def keep_compiled() -> None:
+    """Have JAX keep what it compiles, unless it has been told where already (``JAX_COMPILATION_CACHE_DIR``)."""
+    if jax.config.read("jax_compilation_cache_dir"):
+        return
+    jax.config.update("jax_compilation_cache_dir", str(compiled_folder()))
+    # Many small functions add up: all are kept.
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+def compiled_folder() -> Path:
+    """The user's cache folder, one part for each kind of processor: a cluster's nodes may share it and still differ."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+        processor = next(line for line in lines if line.startswith(("flags", "Features")))
+    except (OSError, StopIteration):
+        processor = platform.processor()
+    kind = hashlib.sha256(f"{platform.machine()} {processor}".encode()).hexdigest()[:12]
+    return user_cache_path("jaxskel") / "compiled" / kind
