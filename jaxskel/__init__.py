@@ -50,6 +50,7 @@ from ._match import cost_matrices as cost_matrices
 from ._observe import labelled_limbs as labelled_limbs
 from ._observe import see_people as see_people
 from ._observe import skeletal_graphs as skeletal_graphs
+from ._parallel import reconstruct_parallel as reconstruct_parallel
 from ._person import find_people as find_people
 from ._person import observed_edge as observed_edge
 from ._pipeline import reconstruct as reconstruct

@@ -41,6 +41,7 @@ def by_itself(*arguments: object, cwd: Path, **environment: str) -> subprocess.C
     """In a process of its own, as a user's."""
     command = [sys.executable, "-c", "from jaxskel.cli import main; main()", *map(str, arguments)]
     known = os.environ | {"JAXSKEL_NO_CACHE": "1"} | environment
+    known.pop("JAX_COMPILATION_CACHE_DIR", None)
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300, env=known)
 
 

@@ -45,7 +45,7 @@ def main() -> None:
     """Run the command line; wrong input is one line on standard error and exit code 2."""
     try:
         app()
-    except (ValueError, OSError) as error:
+    except (ValueError, OSError, MemoryError) as error:
         print(f"jaxskel: {' '.join(str(error).split())}", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:

@@ -1,6 +1,7 @@
 """What is compiled is kept on disk, so that from the second run on a command starts in seconds."""
 
 import hashlib
+import os
 import platform
 from pathlib import Path
 
@@ -9,13 +10,17 @@ from platformdirs import user_cache_path
 
 
 def keep_compiled() -> None:
-    """Have JAX keep what it compiles, unless it has been told where already (``JAX_COMPILATION_CACHE_DIR``)."""
-    if jax.config.read("jax_compilation_cache_dir"):
+    """Have JAX keep what it compiles, unless ``JAX_COMPILATION_CACHE_DIR`` tells it where already."""
+    if "JAX_COMPILATION_CACHE_DIR" in os.environ:
         return
-    jax.config.update("jax_compilation_cache_dir", str(compiled_folder()))
     # Many small functions add up: all are kept.
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
-    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    for option, value in (
+        ("jax_compilation_cache_dir", str(compiled_folder())),
+        ("jax_persistent_cache_min_compile_time_secs", 0.0),
+        ("jax_persistent_cache_min_entry_size_bytes", -1),
+    ):
+        jax.config.update(option, value)
+        os.environ[option.upper()] = str(value)  # for the processes of --jobs
 
 
 def compiled_folder() -> Path:

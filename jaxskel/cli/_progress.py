@@ -9,6 +9,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
+from .._parallel import reconstruct_parallel
 from .._pipeline import Prepared, Settings, prepare, reconstruct_batches
 from .._poses import WITH_POSE, Poses, Status, join_poses
 from .._recording import Recording
@@ -52,7 +53,9 @@ def progress_bar(what: str, total: int) -> tuple[Progress, TaskID]:
     return progress, progress.add_task(what, total=total)
 
 
-def reconstruct_with_progress(recording: Recording, settings: Settings, times: StageTimes) -> tuple[Poses, Prepared]:
+def reconstruct_with_progress(
+    recording: Recording, settings: Settings, times: StageTimes, jobs: int = 1
+) -> tuple[Poses, Prepared]:
     """Reconstruct a recording behind a progress bar."""
     progress, task = progress_bar("compiling, fitting the body", len(recording))
     with progress:
@@ -60,11 +63,25 @@ def reconstruct_with_progress(recording: Recording, settings: Settings, times: S
             prepared = prepare(recording, settings)
         progress.update(task, description="reconstructing")
         parts = []
-        for part in reconstruct_batches(recording, settings, prepared, times):
+        if jobs == 1:
+            batches = reconstruct_batches(recording, settings, prepared, times)
+        else:
+            batches = _timed(reconstruct_parallel(recording, jobs, settings, prepared), times)
+        for part in batches:
             parts.append(part)
             times.end_of_batch(len(part))
             progress.advance(task, len(part))
     return join_poses(parts), prepared
+
+
+def _timed(batches: Iterator[Poses], times: StageTimes) -> Iterator[Poses]:
+    """The batches, and how long each was waited for."""
+    while True:
+        with times("wait"):
+            part = next(batches, None)
+        if part is None:
+            return
+        yield part
 
 
 def summary(poses: Poses, times: StageTimes) -> str:

@@ -49,6 +49,7 @@ def run(
     box: Box = None,
     preset: PresetOption = Preset.DEFAULT,
     track: Annotated[bool, typer.Option("--track", help="Frames are consecutive: follow the person.")] = False,
+    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Processes at once, each on a core of its own.")] = 1,
     smooth_hz: Annotated[
         float | None, typer.Option("--smooth", help="Low-pass filter the poses with this cutoff (Hz); off by default.")
     ] = None,
@@ -68,7 +69,7 @@ def run(
     if track:
         settings = replace(settings, tracking=Tracking())
     times = StageTimes()
-    poses, prepared = reconstruct_with_progress(recording, settings, times)
+    poses, prepared = reconstruct_with_progress(recording, settings, times, jobs)
     if smooth_hz is not None:
         poses = smooth(poses, smooth_hz)
     archive, table = write_poses(output, poses)
