@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from jaxskel import Hypotheses, Pose
-from jaxskel._hypotheses import Pool, pool_of
+from jaxskel._hypotheses import Pool, pool_of, promising
 
 
 def numbered(number: np.ndarray) -> Pose:
@@ -64,3 +64,40 @@ def test_pools_are_joined_and_made_of_rows():
     both = made.joined(pool([3], [1.0]))
     assert len(both) == 7
     assert both.cheapest(1).cost.tolist() == [1.0, np.inf]
+
+
+def test_promising_by_hand():
+    # Poses 1 m apart, but for 0 and 2, which are alike.
+    found = pool([3, 3, 3, 3, 8, 8], [5.0, 9.0, 4.0, 20.0, 1.0, 1.5])
+    found.poses.root[0] = found.poses.root[2] + 0.005
+    assert promising(found, 10.0, 9).tolist() == [False, True, True, False, True, True]
+    assert promising(found, 30.0, 9).tolist() == [False, True, True, True, True, True]
+    assert promising(found, 10.0, 1).tolist() == [False, False, True, False, True, False]
+    # What is known is compared with, and not chosen.
+    known = pool([3, 8], [0.0, 3.0])
+    known.poses.root[0] = found.poses.root[2]
+    known.poses.root[1] = 7.0
+    assert promising(found, 10.0, 1, known=known).tolist() == [False, True, False, False, True, False]
+
+
+def test_poses_differ_by_the_segments_asked_for():
+    found = pool([0, 0], [1.0, 2.0])
+    found.poses.root[1] = found.poses.root[0]
+    found.poses.rotations[1, 4] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
+    assert promising(found, 9.0, 9).tolist() == [True, True]
+    assert promising(found, 9.0, 9, np.array([0, 1, 2])).tolist() == [True, False]
+
+
+@given(st.lists(st.tuples(st.integers(0, 2), st.integers(0, 9), st.integers(0, 4)), min_size=1, max_size=20))
+def test_of_each_frame_the_cheapest_is_promising(members):
+    found = pool([frame for frame, _, _ in members], [float(cost) for _, cost, _ in members])
+    found.poses.root[:] = np.array([place for _, _, place in members])[:, None]
+    chosen = promising(found, 3.0, 2)
+    for frame in np.unique(found.frame):
+        mine = np.flatnonzero(found.frame == frame)
+        went = mine[chosen[mine]]
+        assert 1 <= len(went) <= 2
+        assert found.cost[went].min() == found.cost[mine].min()
+        assert found.cost[went].max() <= found.cost[mine].min() + 3
+        places = found.poses.root[went, 0].tolist()
+        assert len(set(places)) == len(places)
