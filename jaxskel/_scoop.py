@@ -50,17 +50,17 @@ def scoop(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[Skeleta
     while len(reached):
         wave.open[reached] = False
         labels, parents = _order(wave.components(reached, owners), owners)
-        xyz = centres[reached % (n + 1)]
+        xyz = _rows(centres, reached % wave.stride)
         made = _place(nodes, labels, parents, xyz, hulls.grid.spacing)
         radius = np.zeros(len(parents))
-        np.maximum.at(radius, labels, _distance(xyz, made[labels]))
+        np.maximum.at(radius, labels, _distance(xyz, _rows(made, labels)))
 
         # Grow: what lies too far from the node is left for the next round, with the cluster that saw it.
         voxels, owners = reached, labels
         later: list[tuple[np.ndarray, np.ndarray]] = []
         while len(voxels):
             voxels, owners = wave.step(voxels, owners)
-            far = _distance(centres[voxels % (n + 1)], made[owners]) >= radius[owners]
+            far = _distance(_rows(centres, voxels % wave.stride), _rows(made, owners)) >= radius.take(owners)
             later.append((voxels[far], owners[far]))
             voxels, owners = voxels[~far], owners[~far]
             wave.open[voxels] = False
@@ -156,6 +156,11 @@ def _neighbours(hulls: VisualHulls) -> Int[np.ndarray, "voxels 26"]:
     number = np.full(int(np.prod(shape)), n, np.int32)
     number[flat] = np.arange(n, dtype=np.int32)
     return number[flat[:, None] + (_OFFSETS @ strides)]
+
+
+def _rows(table: np.ndarray, index: np.ndarray) -> np.ndarray:
+    """Rows of a table, in half the time that an index in brackets takes."""
+    return table.take(index, 0, mode="clip")
 
 
 def _distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
