@@ -12,7 +12,7 @@ from ._contours import Contours
 from ._fits import fit_poses, fit_scales
 from ._skeleton import Pose, place_segments
 from ._solve import Search, make_model, solve_frames
-from ._stacks import taken
+from ._stacks import on_device, single_precision, taken
 from .terms import Observed
 
 _ROUNDS = 4
@@ -62,12 +62,12 @@ def calibrate(body: Body, starts: Pose, fallback: Pose, observed: Observed, sear
     search = search or Search()
     found = solve_frames(make_model(body), search, starts, fallback, observed)
     used = np.flatnonzero(found.cost[:, 0] <= np.quantile(found.cost[:, 0], _USED))
-    poses, seen = jax.tree.map(lambda a: a[used, :1], found.poses), taken(observed, used)
+    poses, outlines = jax.tree.map(lambda a: a[used, :1], found.poses), taken(observed.contours, used)
+    stack = on_device(taken(observed.seen_only(), used))
     costs = np.zeros(1)
     for _ in range(_ROUNDS):
-        body = _updated(body, jax.tree.map(lambda a: a[:, 0], poses), seen.contours)
-        model = make_model(body)
-        fitted = fit_poses(model.body, poses, seen, _SCALES)
+        body = _updated(body, jax.tree.map(lambda a: a[:, 0], poses), outlines)
+        fitted = fit_poses(single_precision(body), poses, stack, _SCALES)
         poses, costs = fitted.poses, fitted.cost[:, 0]
     low, typical = np.quantile(costs, (0.1, 0.5))
     return Calibrated(body, Costs(float(low), float(typical)))

@@ -48,12 +48,12 @@ class Pool(eqx.Module):
         """These and others."""
         return jax.tree.map(lambda a, b: np.concatenate([a, b]), self, other)
 
-    def cheapest(self, count: int, first: int = 0) -> "Pool":
-        """At most so many of each frame, frame by frame, from the cheapest on or from a later one; the rest is left."""
+    def cheapest(self, count: int) -> "Pool":
+        """At most so many of each frame, frame by frame, the cheapest first."""
         order = np.lexsort((self.cost, self.frame))
         frame = self.frame[order]
         rank = np.arange(len(frame)) - np.searchsorted(frame, frame)
-        return taken(self, order[(rank >= first) & (rank < first + count)])
+        return taken(self, order[rank < count])
 
     def of(self, frames: Int[np.ndarray, " some"]) -> "Pool":
         """Those of some frames."""

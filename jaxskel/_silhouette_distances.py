@@ -114,10 +114,8 @@ class SilhouetteDistances(eqx.Module):
         seen, x, y = self._cells(u, v)
         column, row = jnp.floor(x).astype(jnp.int32), jnp.floor(y).astype(jnp.int32)
         x, y = x - column, y - row
-        corners = self._value(row, column), self._value(row, column + 1)
-        corners += self._value(row + 1, column), self._value(row + 1, column + 1)
-        # Without it the compiler looks them up again for each of the three results.
-        seen, x, y, (a, b, c, d) = jax.lax.optimization_barrier((seen, x, y, corners))
+        a, b = self._value(row, column), self._value(row, column + 1)
+        c, d = self._value(row + 1, column), self._value(row + 1, column + 1)
         upper, lower = a * (1 - x) + b * x, c * (1 - x) + d * x
         slope = ((b - a) * (1 - y) + (d - c) * y) / self.step, (lower - upper) / self.step
         return seen, upper * (1 - y) + lower * y, slope

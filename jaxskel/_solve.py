@@ -17,7 +17,7 @@ from ._hypotheses import Hypotheses, Pool, pool_of, promising
 from ._limb_search import Limb, best_pairs, best_single, score_limb, unexplained, with_limb
 from ._limb_table import arm_table, leg_table
 from ._skeleton import SEGMENT_NAMES, Pose, Skeleton
-from ._stacks import STACK, on_device, padded, single_precision, taken
+from ._stacks import on_device, single_precision, taken
 from ._starts import other_ways
 from .terms import Objective, Observed, volume_objective
 
@@ -139,7 +139,7 @@ def solve_frames(
 
     def around(frames: Int[np.ndarray, " some"]) -> Pose:
         best = found.rows(frames, 1).best
-        joints = np.asarray(place_joints(model.skeleton, padded(best, STACK * -(-len(frames) // STACK)))[0])
+        joints = np.asarray(place_joints(model.skeleton, on_device(best))[0])
         return other_ways(joints[: len(frames)], model.skeleton)
 
     found = searched(taken(starts, frames), frames)

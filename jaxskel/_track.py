@@ -96,8 +96,8 @@ def track_frames(
     found = _best_track(model, tracking, track, offers, stack)
     usual = float(np.median(np.concatenate([costs, found.cost[:, 0]])[-_RECENT:]))
     places = _places(model, found.best)
-    before = places[:1] if track is None else _places(model, jax.tree.map(lambda a: a[None], track.last))
-    moved = np.linalg.norm(np.diff(np.concatenate([before, places]), axis=0), axis=-1).max(-1)
+    start = places[0] if track is None else _last_place(model, track)
+    moved = np.linalg.norm(np.diff(places, axis=0, prepend=start[None]), axis=-1).max(-1)
     lost = np.setdiff1d(np.flatnonzero((found.cost[:, 0] > dear(usual)) | (moved > _FAR)), searched)
     if len(lost):
         offers = offers.joined(searched_in(lost)).cheapest(1)
@@ -130,7 +130,7 @@ def _best_track(model: Model, tracking: Tracking, track: Track | None, offers: P
     backwards, other = jax.tree.map(lambda a: a[::-1], follow(back, end, end))
     places = np.stack([_places(model, forwards), _places(model, backwards)], 1)
     costs = np.stack([cost, other], 1)
-    start = None if track is None else _places(model, jax.tree.map(lambda a: a[None], track.last))[0]
+    start = None if track is None else _last_place(model, track)
     chosen = cheapest_path(costs, places, tracking.margin, start)
     both = Hypotheses(jax.tree.map(lambda a, b: np.stack([a, b], 1), forwards, backwards), costs)
     return both.ordered(np.stack([chosen, 1 - chosen], 1))
@@ -206,6 +206,10 @@ def _onwards(last: Pose, before: Pose) -> Pose:
     turns = (rotations[:, :, None] * old[:, None]).sum(-1)
     turned = (turns[..., None] * rotations[:, None]).sum(-2)
     return Pose(2 * jnp.asarray(last.root) - before.root, turned)
+
+
+def _last_place(model: Model, track: Track) -> Float[np.ndarray, "joints=15 3"]:
+    return _places(model, jax.tree.map(lambda a: a[None], track.last))[0]
 
 
 def _places(model: Model, poses: Pose) -> Float[np.ndarray, "frames joints=15 3"]:
