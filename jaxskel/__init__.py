@@ -41,6 +41,8 @@ from ._hull import VisualHulls as VisualHulls
 from ._hull import hulls_from_dense as hulls_from_dense
 from ._hypotheses import Hypotheses as Hypotheses
 from ._initialise import initial_poses as initial_poses
+from ._levenberg_marquardt import LevenbergMarquardt as LevenbergMarquardt
+from ._levenberg_marquardt import default_solver as default_solver
 from ._limbs import Limbs as Limbs
 from ._limbs import label_limbs as label_limbs
 from ._match import DtwMatcher as DtwMatcher
@@ -68,7 +70,6 @@ from ._recording import Truth as Truth
 from ._recording import pack_silhouettes as pack_silhouettes
 from ._recording import unpack_silhouettes as unpack_silhouettes
 from ._refine import Refined as Refined
-from ._refine import default_solver as default_solver
 from ._refine import refine_frames as refine_frames
 from ._reproject import agreement as agreement
 from ._reproject import reproject as reproject

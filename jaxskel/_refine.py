@@ -5,13 +5,15 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import lineax as lx
 import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int
 
 from ._skeleton import Pose, Skeleton
 from .parametrisations import Parametrisation
 from .terms import Objective, Observed, place
+
+# Frames that are solved at once. More of them wait longer for the slowest, and leave the processor's cache.
+_AT_ONCE = 8
 
 
 class Refined(eqx.Module):
@@ -30,11 +32,6 @@ class Refined(eqx.Module):
     """The pose and its costs are numbers; where they are not, the initial pose is given back."""
     steps: Int[Array, "*frames"]
     """Solver steps of the last solve."""
-
-
-def default_solver() -> optx.AbstractLeastSquaresSolver:
-    """Levenberg-Marquardt on the normal equations, to three millimetres or milliradians."""
-    return optx.LevenbergMarquardt(rtol=1e-2, atol=3e-3, linear_solver=lx.Normal(lx.Cholesky()))
 
 
 def refine_frame(
@@ -104,6 +101,8 @@ def refine_frames(
     Returns:
         Poses, costs by term and the solver's outcome for every frame. A frame that fails does not harm the others.
     """
-    return jax.vmap(
-        lambda pose, frame: refine_frame(objective, parametrisation, solver, skeleton, pose, frame, rounds, max_steps)
-    )(initial, observed)
+    return jax.lax.map(
+        lambda each: refine_frame(objective, parametrisation, solver, skeleton, each[0], each[1], rounds, max_steps),
+        (initial, observed),
+        batch_size=_AT_ONCE,
+    )

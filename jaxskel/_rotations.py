@@ -1,23 +1,80 @@
 """Rotations as matrices: the exponential map for the solver, alignment of directions for initial poses."""
 
+from functools import partial
+from typing import Any
+
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
+
+# Below this square of an angle (rad^2) series are used.
+_SERIES = 1e-8
+
+
+@jax.custom_jvp
+def turned(
+    vector: Float[Array, "*batch 3"], rotation: Float[Array | np.ndarray, "*batch 3 3"]
+) -> Float[Array, "*batch 3 3"]:
+    """A rotation turned further about `vector` by its length (rad): Rodrigues' formula, smooth at zero.
+
+    What changes with the vector is an angular velocity across the columns of the result. Solvers push many tangents
+    through this function; as a rule of its own it costs a tenth of differentiating the formula.
+    """
+    sine, cosine, _ = _coefficients(vector)
+    columns = (jnp.asarray(rotation[..., column]) for column in range(3))
+    once = ((column, cross(vector, column)) for column in columns)
+    return jnp.stack([column + sine * turn + cosine * cross(vector, turn) for column, turn in once], -1)
+
+
+@partial(turned.defjvp, symbolic_zeros=True)
+def _turned_tangent(primals: Any, tangents: Any) -> tuple[Array, Array]:
+    (vector, rotation), (change, rotation_change) = primals, tangents
+    result = turned(vector, rotation)
+    tangent = jnp.zeros_like(result)
+    if not isinstance(change, SymbolicZero):
+        velocity = _left_jacobian(vector)
+        # A matrix of its own for each vector, whatever the tangents, and multiplied by columns.
+        along = sum((velocity[..., i] * change[..., i, None] for i in range(3)), jnp.zeros(()))
+        tangent = tangent + jnp.stack([cross(along, result[..., column]) for column in range(3)], -1)
+    if not isinstance(rotation_change, SymbolicZero):
+        tangent = tangent + turned(vector, rotation_change)
+    return result, tangent
 
 
 def exponential(vector: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"]:
-    """Rotation about `vector` by its length (rad): Rodrigues' formula, smooth at zero."""
-    squared = (vector * vector).sum(-1)[..., None, None]
-    small = squared < 1e-8
+    """Rotation about `vector` by its length (rad)."""
+    return turned(vector, jnp.broadcast_to(jnp.eye(3, dtype=vector.dtype), (*vector.shape, 3)))
+
+
+def cross(one: Float[Array, "*batch 3"], other: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:
+    """Cross products, written out: faster than those of JAX, which move axes about."""
+    (a, b, c), (x, y, z) = ([vector[..., i] for i in range(3)] for vector in (one, other))
+    return jnp.stack([b * z - c * y, c * x - a * z, a * y - b * x], -1)
+
+
+def _coefficients(vector: Float[Array, "*batch 3"]) -> tuple[Float[Array, "*batch 1"], ...]:
+    """``sin(a) / a``, ``(1 - cos(a)) / a^2`` and ``(a - sin(a)) / a^3`` of the length a of a vector."""
+    squared = (vector * vector).sum(-1)[..., None]
+    small = squared < _SERIES
     # Where the series is used the closed form is fed a harmless 1, so that no gradient is NaN.
     angle = jnp.sqrt(jnp.where(small, 1.0, squared))
-    sine = jnp.where(small, 1 - squared / 6, jnp.sin(angle) / angle)
-    cosine = jnp.where(small, 0.5 - squared / 24, (1 - jnp.cos(angle)) / (angle * angle))
-    x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
+    return (
+        jnp.where(small, 1 - squared / 6, jnp.sin(angle) / angle),
+        jnp.where(small, 0.5 - squared / 24, 2 * (jnp.sin(angle / 2) / angle) ** 2),
+        jnp.where(small, 1 / 6 - squared / 120, (angle - jnp.sin(angle)) / angle**3),
+    )
+
+
+def _left_jacobian(vector: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"]:
+    """Angular velocity by change of the rotation vector."""
+    sine, cosine, rest = (coefficient[..., None] for coefficient in _coefficients(vector))
+    x, y, z = (vector[..., i] for i in range(3))
     zero = jnp.zeros_like(x)
-    cross = jnp.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).reshape(*vector.shape[:-1], 3, 3)
-    identity = jnp.broadcast_to(jnp.eye(3, dtype=vector.dtype), cross.shape)
-    return identity + sine * cross + cosine * (cross @ cross)
+    skew = jnp.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).reshape(*vector.shape, 3)
+    identity = jnp.broadcast_to(jnp.eye(3, dtype=vector.dtype), skew.shape)
+    return sine * identity + cosine * skew + rest * vector[..., :, None] * vector[..., None, :]
 
 
 def turn_about(axis: Float[np.ndarray, "n 3"], angle: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3 3"]:

@@ -9,9 +9,9 @@ from jaxtyping import Float
 
 from ._body import Body
 from ._head import HeadBall, HighestVoxel, RootFinder
+from ._levenberg_marquardt import default_solver
 from ._limbs import HANDLESS_DESCRIPTOR, PAPER_DESCRIPTOR
 from ._match import DtwMatcher, Matcher
-from ._refine import default_solver
 from ._solve import Search
 from ._track import Tracking
 from .parametrisations import ExactBones, HingedLimbs, Parametrisation

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ._rotations import exponential
+from ._rotations import exponential, turned
 from ._skeleton import (
     JOINT_PARENTS,
     SEGMENT_NAMES,
@@ -59,10 +59,11 @@ class ExactBones(eqx.Module):
         joint = np.array(_JOINT_OF_BONE)
         rest = jnp.asarray(skeleton.rest_joints)
         offsets = rest[joint] - rest[np.array(JOINT_PARENTS)[joint]]
-        bones = jnp.einsum("sij,sj->si", base.rotations[np.array(_BONES)], offsets)
+        rotations = jnp.asarray(base.rotations)
+        bones = (rotations[np.array(_BONES)] * offsets[:, None]).sum(-1)
         first, second = _perpendicular(bones / jnp.linalg.norm(bones, axis=-1, keepdims=True))
         turns = jnp.concatenate([free, across[:, :1] * first + across[:, 1:] * second])
-        return Pose(base.root + unknowns[:3], exponential(turns)[np.array(_TURNS)] @ base.rotations)
+        return Pose(base.root + unknowns[:3], turned(turns[np.array(_TURNS)], rotations))
 
 
 def _product(one: Float[Array, "n 3 3"], other: Float[Array, "n 3 3"]) -> Float[Array, "n 3 3"]:

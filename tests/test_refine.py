@@ -2,10 +2,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optimistix as optx
 from drawn import HandsTogether, ideal_graph, pose_of
 from jaxtyping import Array, Float
 
-from jaxskel._refine import Refined, default_solver, refine_frames
+from jaxskel._levenberg_marquardt import LevenbergMarquardt, default_solver
+from jaxskel._refine import Refined, refine_frames
 from jaxskel._skeleton import JOINT_PARENTS, default_adult, forward_kinematics
 from jaxskel.parametrisations import ExactBones
 from jaxskel.terms import Objective, Observed, PlacedBody, paper_objective
@@ -124,3 +126,25 @@ def test_a_custom_term_takes_part():
     np.testing.assert_allclose(apart, 0.25, atol=0.02)
     assert set(result.costs) == {"graph", "end_nodes", "inner_nodes", "rest", "stick"}
     np.testing.assert_allclose(result.costs["stick"], 1e4 * (apart - 0.25) ** 2, rtol=1e-2, atol=1e-4)
+
+
+def test_steps_are_those_of_optimistix():
+    # The same damping, trust region and stop: only the linear algebra differs.
+    def residuals(y, args):
+        return {"valley": 10 * (y[1:] - y[:-1] ** 2), "floor": 1 - y[:-1]}
+
+    start = jnp.array([-1.2, 1.0, 0.5])
+    ours = optx.least_squares(residuals, LevenbergMarquardt(rtol=1e-4, atol=1e-4), start, max_steps=64, throw=False)
+    theirs = optx.least_squares(
+        residuals, optx.LevenbergMarquardt(rtol=1e-4, atol=1e-4), start, max_steps=64, throw=False
+    )
+    assert ours.stats["num_steps"] == theirs.stats["num_steps"]
+    np.testing.assert_allclose(ours.value, theirs.value, atol=1e-3)
+    np.testing.assert_allclose(ours.value, 1.0, atol=1e-2)
+
+
+def test_a_solver_that_meets_nan_says_so():
+    solution = optx.least_squares(
+        lambda y, args: y * jnp.nan, LevenbergMarquardt(rtol=1e-4, atol=1e-4), jnp.ones(2), max_steps=8, throw=False
+    )
+    assert solution.result != optx.RESULTS.successful
