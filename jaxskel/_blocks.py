@@ -4,7 +4,9 @@ A block is carved like a voxel, by all that its voxels can see: it is missed by 
 falls on any of the cells of the image around its voxels' pixels. So no voxel of a block that is left out is occupied.
 """
 
-from functools import partial
+from collections.abc import Callable
+from functools import partial, reduce
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -92,11 +94,13 @@ def _any_of(cells: UInt32[Array, "cams rows columns"], axis: int, count: int) ->
     return found
 
 
-def _over_blocks(values: np.ndarray, shape: tuple[int, ...], fill: int | bool, over: np.ufunc) -> np.ndarray:
+def _over_blocks(
+    values: np.ndarray, shape: tuple[int, ...], fill: int | bool, over: Callable[[Any, Any], np.ndarray]
+) -> np.ndarray:
     """The least or largest of each block's voxels."""
     values = np.pad(values, [(0, -n % EDGE) for n in shape], constant_values=fill)
-    # The last axis first: what is left for the others is a quarter.
+    # Whole slices of numbers are compared, not the few of each block.
     for axis in (2, 1, 0):
-        split = (*values.shape[:axis], -1, EDGE, *values.shape[axis + 1 :])
-        values = over.reduce(values.reshape(split), axis + 1)
+        ahead = (slice(None),) * axis
+        values = reduce(over, [values[*ahead, first::EDGE] for first in range(EDGE)])
     return values.reshape(-1)

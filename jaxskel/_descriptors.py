@@ -6,6 +6,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float, Int
 
+from ._forest import forest_of
 from ._graph import SkeletalGraph
 from ._skeleton import JOINT_PARENTS, TIP_PARENTS, Skeleton
 
@@ -31,18 +32,24 @@ def describe_ends(graphs: Sequence[SkeletalGraph]) -> EndNodes:
     Raises:
         ValueError: A graph has more than `MAX_ENDS` end nodes; limit them when pruning.
     """
-    count = np.array([len(graph.end_nodes) for graph in graphs], np.int32)
-    if len(count) and count.max() > MAX_ENDS:
+    forest = forest_of(graphs)
+    leaves = forest.leaves
+    count = 1 + leaves.sum(1)
+    if count.max(initial=0) > MAX_ENDS:
         raise ValueError(f"a graph has {count.max()} end nodes, more than {MAX_ENDS}: prune longer branches")
-    nodes = np.full((len(graphs), MAX_ENDS), -1, np.int32)
-    distances = np.zeros((len(graphs), MAX_ENDS, MAX_ENDS), np.float32)
-    positions = np.zeros((len(graphs), MAX_ENDS, 3), np.float32)
-    for f, graph in enumerate(graphs):
-        ends, n = graph.end_nodes, count[f]
-        nodes[f, :n] = ends
-        distances[f, :n, :n] = graph.geodesics(ends)[ends]
-        positions[f, :n] = graph.positions[ends]
-    return EndNodes(nodes, count, distances, positions)
+    # The root, then the leaves by depth, as in `SkeletalGraph.end_nodes`.
+    key = np.where(leaves, forest.depths, np.inf)
+    key[:, 0] = -1.0
+    nodes = np.zeros((len(graphs), MAX_ENDS), np.int32)
+    order = np.argsort(key, 1, kind="stable")[:, :MAX_ENDS]
+    nodes[:, : order.shape[1]] = order
+    there = np.arange(MAX_ENDS) < count[:, None]
+    nodes[~there] = 0
+    distances = np.take_along_axis(forest.geodesics(nodes), nodes[..., None], 1)
+    distances = np.where(there[:, :, None] & there[:, None], distances, 0.0)
+    positions = np.where(there[..., None], np.take_along_axis(forest.positions, nodes[..., None], 1), 0.0)
+    nodes[~there] = -1
+    return EndNodes(nodes, count.astype(np.int32), distances.astype(np.float32), positions.astype(np.float32))
 
 
 def template_geodesics(skeleton: Skeleton) -> Float[np.ndarray, "nodes=20 ends=5"]:

@@ -4,9 +4,10 @@ from collections.abc import Sequence
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from ._descriptors import EndNodes, template_geodesics
+from ._forest import Forest, forest_of
 from ._graph import SkeletalGraph
 from ._match import Matches
 from ._skeleton import JOINT_NAMES, Skeleton
@@ -77,25 +78,37 @@ def label_limbs(
     The inner nodes are those whose geodesic distances to the labelled end nodes come closest to the template's
     (Eq. 5 and 6), over those labels of `descriptor` that were found.
     """
-    count = len(graphs)
-    template = template_geodesics(skeleton)
-    neck_descriptor, pelvis_descriptor = (template[JOINT_NAMES.index(name)] for name in ("neck", "pelvis"))
-    paths = np.zeros((count, 5, PATH_POINTS, 3))
-    lengths = np.zeros((count, 5))
-    neck, pelvis = np.zeros((count, 3)), np.zeros((count, 3))
+    forest = forest_of(graphs)
     found = matches.ends >= 0
-    for f, graph in enumerate(graphs):
-        labels = np.flatnonzero(found[f])
-        nodes = ends.nodes[f, matches.ends[f, labels]]
-        used = np.isin(labels, descriptor)
-        here = graph.geodesics(nodes[used])  # F_G(v) of every node v
-        for there, target in ((neck_descriptor, neck), (pelvis_descriptor, pelvis)):
-            target[f] = graph.positions[np.argmin(((here - there[labels[used]]) ** 2).sum(1))]
-        depths = graph.depths
-        for label, node in zip(labels, nodes, strict=True):
-            path = graph.path_to_root(node)[::-1]
-            lengths[f, label] = depths[node]
-            where = np.linspace(0, depths[node], PATH_POINTS)
-            for axis in range(3):
-                paths[f, label, :, axis] = np.interp(where, depths[path], graph.positions[path, axis])
-    return Limbs(paths, lengths, found, neck, pelvis)
+    nodes = np.where(found, np.take_along_axis(ends.nodes, np.maximum(matches.ends, 0), 1), 0)
+    # F_G(v) of every node v, without the labels that are not there.
+    here = forest.geodesics(nodes)
+    used = found & np.isin(np.arange(5), descriptor)
+    template = template_geodesics(skeleton)
+    inner = []
+    for name in ("neck", "pelvis"):
+        off = np.where(used[:, None], (here - template[JOINT_NAMES.index(name)]) ** 2, 0.0).sum(-1)
+        nearest = np.argmin(np.where(forest.real, off, np.inf), 1)
+        inner.append(forest.positions[np.arange(len(graphs)), nearest])
+    paths, lengths = _paths(forest, nodes)
+    paths[~found], lengths[~found] = 0.0, 0.0
+    return Limbs(paths, lengths, found, *inner)
+
+
+def _paths(
+    forest: Forest, ends: Int[np.ndarray, "frames labels"]
+) -> tuple[Float[np.ndarray, "frames labels points 3"], Float[np.ndarray, "frames labels"]]:
+    """Points on the ways from the root to some nodes, evenly spaced along the graph, and their lengths (m)."""
+    rows = np.arange(len(ends))[:, None]
+    way = [ends]
+    while way[-1].any():
+        way.append(forest.parents[rows, way[-1]])
+    nodes = np.stack([np.zeros_like(ends), *way[::-1]], -1)  # from the root, which stands there several times
+    depth, position = forest.depths[rows[..., None], nodes], forest.positions[rows[..., None], nodes]
+    lengths = depth[..., -1]
+    where = np.linspace(0, lengths, PATH_POINTS, axis=-1)
+    before = (depth[..., None, :-1] <= where[..., None]).sum(-1) - 1
+    start, stop = (np.take_along_axis(depth, before + k, -1) for k in (0, 1))
+    low, high = (np.take_along_axis(position, (before + k)[..., None], 2) for k in (0, 1))
+    share = (where - start) / np.where(stop > start, stop - start, 1.0)
+    return low + share[..., None] * (high - low), lengths

@@ -14,7 +14,8 @@ from ._contours import RAYS, contours
 from ._credible import credible
 from ._descriptors import MAX_ENDS, describe_ends
 from ._field import hull_volumes
-from ._graph import SkeletalGraph, limit_ends, prune
+from ._forest import forest_of
+from ._graph import SkeletalGraph, limit_ends, prune_all
 from ._hull import VisualHulls
 from ._limbs import Limbs, label_limbs
 from ._person import find_people, seen_whole
@@ -54,7 +55,9 @@ def skeletal_graphs(
     hulls: VisualHulls, roots: Int[np.ndarray, " frames"], min_branch: float = 0.2
 ) -> list[SkeletalGraph]:
     """Scoop the graph of each hull and prune it (Sect. 3.1)."""
-    return [limit_ends(prune(graph, min_branch), MAX_ENDS) for graph in scoop(hulls, roots)]
+    graphs = prune_all(scoop(hulls, roots), min_branch)
+    many = 1 + forest_of(graphs).leaves.sum(1) > MAX_ENDS
+    return [limit_ends(graph, MAX_ENDS) if m else graph for graph, m in zip(graphs, many, strict=True)]
 
 
 def labelled_limbs(

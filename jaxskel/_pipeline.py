@@ -13,6 +13,7 @@ from ._carve import FRAMES_PER_WORD
 from ._confidence import joint_confidence, searched_confidence
 from ._descriptors import template_ends
 from ._explained import unexplained_shares
+from ._forest import forest_of
 from ._graph import SkeletalGraph
 from ._hypotheses import Hypotheses
 from ._initialise import initial_poses
@@ -168,5 +169,5 @@ def _plausible(graphs: list[SkeletalGraph], limbs: Limbs, skeleton: Skeleton) ->
     """Is there at least one leg of about the template's length, and nothing much farther from the head?"""
     way = template_ends(skeleton)[0, [L_FOOT, R_FOOT]]
     legs = np.abs(limbs.lengths[:, [L_FOOT, R_FOOT]] / way - 1) < _LEG_TOLERANCE
-    farthest = np.array([graph.depths.max() for graph in graphs])
+    farthest = forest_of(graphs).depths.max(1)
     return (legs & limbs.found[:, [L_FOOT, R_FOOT]]).any(1) & (farthest < _FARTHEST * way.max())

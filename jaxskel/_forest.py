@@ -1,0 +1,111 @@
+"""Trees of a batch side by side: one pass over the nodes' numbers measures them all.
+
+Every function here is a recursion from parents to children or back. Node by node it costs as many calls for all trees
+as for the largest one.
+"""
+
+from collections.abc import Sequence
+from typing import Protocol, runtime_checkable
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+
+@runtime_checkable
+class Tree(Protocol):
+    """Nodes of which each stands behind its parent; node 0 is the root."""
+
+    positions: Float[np.ndarray, "nodes 3"]
+    parents: Int[np.ndarray, " nodes"]
+
+
+class Forest(eqx.Module):
+    """Trees padded to the same number of nodes."""
+
+    positions: Float[np.ndarray, "trees nodes 3"]
+    """(m); zero in the padding."""
+    parents: Int[np.ndarray, "trees nodes"]
+    """Parent of each node; 0 for the root and in the padding."""
+    count: Int[np.ndarray, " trees"]
+    """Number of nodes."""
+
+    @property
+    def real(self) -> Bool[np.ndarray, "trees nodes"]:
+        """Which nodes are there."""
+        return np.arange(self.parents.shape[1]) < self.count[:, None]
+
+    @property
+    def edge_lengths(self) -> Float[np.ndarray, "trees nodes"]:
+        """Distance of each node from its parent (m); 0 for the root."""
+        starts = np.take_along_axis(self.positions, self.parents[..., None], 1)
+        return np.where(self.real, np.linalg.norm(self.positions - starts, axis=-1), 0.0)
+
+    @property
+    def depths(self) -> Float[np.ndarray, "trees nodes"]:
+        """Geodesic distance of each node from the root (m)."""
+        rows, depth = np.arange(len(self.parents)), self.edge_lengths
+        for node in range(1, depth.shape[1]):
+            depth[:, node] += depth[rows, self.parents[:, node]]
+        return depth
+
+    @property
+    def leaves(self) -> Bool[np.ndarray, "trees nodes"]:
+        """Nodes without children, the root not among them."""
+        leaf = self.real
+        trees, children = np.nonzero(leaf)
+        leaf[trees, self.parents[trees, children]] = False  # the root, its own parent here, too
+        return leaf
+
+    def geodesics(self, sources: Int[np.ndarray, "trees sources"]) -> Float[np.ndarray, "trees nodes sources"]:
+        """Length of the path between every node and some source nodes (m): gd(v, omega) of Eq. 1 and Eq. 5.
+
+        In a tree, Dijkstra's algorithm reduces to one pass up and one pass down.
+        """
+        rows, lengths = np.arange(len(self.parents)), self.edge_lengths
+        nodes = lengths.shape[1]
+        below = np.arange(nodes)[:, None] == sources[:, None]  # does the subtree of a node hold the source?
+        for node in range(nodes - 1, 0, -1):
+            below[rows, self.parents[:, node]] |= below[:, node]
+        step = np.where(below, -lengths[..., None], lengths[..., None])
+        distance = np.empty(below.shape)
+        distance[:, 0] = np.take_along_axis(self.depths, sources, 1)
+        for node in range(1, nodes):
+            distance[:, node] = distance[rows, self.parents[:, node]] + step[:, node]
+        return np.abs(distance)  # rounding leaves -1e-17 where a source meets itself
+
+    def unpruned(self, min_length: float) -> Bool[np.ndarray, "trees nodes"]:
+        """What is left when short branches are removed.
+
+        At every branching node the deepest branch goes on; another branch is removed with all that hangs on it where
+        it reaches less than `min_length` (m) beyond the branching node.
+        """
+        rows, lengths = np.arange(len(self.parents)), self.edge_lengths
+        reach = np.zeros_like(lengths)  # how far the subtree below a node reaches
+        for node in range(lengths.shape[1] - 1, 0, -1):
+            parent = self.parents[:, node]
+            reach[rows, parent] = np.maximum(reach[rows, parent], reach[:, node] + lengths[:, node])
+        through = reach + lengths
+        deepest = np.full(self.parents.shape, -1)
+        kept = self.real
+        for node in range(1, lengths.shape[1]):
+            parent = self.parents[:, node]
+            rival = deepest[rows, parent]
+            deeper = kept[:, node] & ((rival < 0) | (through[:, node] > through[rows, np.maximum(rival, 0)]))
+            deepest[rows[deeper], parent[deeper]] = node
+        for node in range(1, lengths.shape[1]):
+            parent = self.parents[:, node]
+            goes_on = (deepest[rows, parent] == node) | (through[:, node] >= min_length)
+            kept[:, node] &= kept[rows, parent] & goes_on
+        return kept
+
+
+def forest_of(trees: Sequence[Tree]) -> Forest:
+    """Some trees side by side."""
+    count = np.array([len(tree.parents) for tree in trees], np.int64)
+    positions = np.zeros((len(trees), int(count.max(initial=1)), 3))
+    parents = np.zeros(positions.shape[:2], np.int64)
+    for f, tree in enumerate(trees):
+        positions[f, : count[f]] = tree.positions
+        parents[f, : count[f]] = np.maximum(tree.parents, 0)
+    return Forest(positions, parents, count)
