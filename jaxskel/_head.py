@@ -139,7 +139,7 @@ def _eroded(
 
 def _highest(hulls: VisualHulls, own: Int[np.ndarray, " own"]) -> int:
     """Of some voxels the highest one; of several equally high ones, the one nearest to their middle."""
-    heights = hulls.voxels[own, 2]
+    heights = hulls.voxels[:, 2].take(own)
     top = own[heights == heights.max()]
     places = hulls.voxels[top]
     return int(top[np.argmin(((places - places.mean(0)) ** 2).sum(1))])

@@ -72,9 +72,11 @@ def _joined(
 def shares_outside(hulls: VisualHulls, table: ProjectionTable) -> Float[np.ndarray, "frames cams"]:
     """Share of each hull's voxels that lies outside each camera's image: above zero, the image cuts the body."""
     index = np.ravel_multi_index(tuple(hulls.voxels.T), hulls.grid.shape)
-    seen = (np.asarray(table.pixels)[:, index] < table.unseen).astype(np.float32)
-    total = np.maximum(hulls.inside.sum(1), 1)[:, None]
-    return 1 - hulls.inside.astype(np.float32) @ seen.T / total
+    unseen = np.asarray(table.pixels)[:, index] == table.unseen
+    shares = np.zeros((len(hulls), len(unseen)))
+    for camera in np.flatnonzero(unseen.any(1)):  # mostly none
+        shares[:, camera] = hulls.inside[:, unseen[camera]].sum(1)
+    return shares / np.maximum(hulls.inside.sum(1), 1)[:, None]
 
 
 def seen_whole(

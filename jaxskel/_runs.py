@@ -7,9 +7,8 @@ overlap or miss each other by one: connectivity over faces, edges and corners, e
 import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Int
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
+from ._cells import connected
 from ._hull import VisualHulls
 
 # Columns beside, of each pair of opposite ones one.
@@ -50,8 +49,12 @@ def find_bodies(hulls: VisualHulls) -> Bodies:
         rows.append(np.repeat(np.arange(len(low)), count))
         columns.append(np.arange(count.sum()) + np.repeat(start - np.cumsum(count) + count, count))
     row, column = np.concatenate(rows), np.concatenate(columns)
-    pairs = csr_array((np.ones(len(row), bool), (row, column)), shape=(len(low), len(low)))
-    count, body = connected_components(pairs, directed=False)
+    body = connected(row, column, len(low))
+    # By the first of their runs, not as the pairs come.
+    first_run = np.full(body.max(initial=-1) + 1, len(body))
+    np.minimum.at(first_run, body, np.arange(len(body)))
+    body = np.argsort(np.argsort(first_run)).take(body)
+    count = len(first_run)
     frame_of_body = np.zeros(count, int)
     frame_of_body[body] = frame
     return Bodies(frame, length, body, frame_of_body, np.bincount(body, length, count).astype(int))
@@ -59,12 +62,13 @@ def find_bodies(hulls: VisualHulls) -> Bodies:
 
 def _runs(hulls: VisualHulls) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Frame, first voxel and length of each run."""
-    follows = np.zeros(len(hulls.voxels), bool)
-    follows[1:] = (np.diff(hulls.voxels, axis=0) == (0, 0, 1)).all(1)
-    joined = hulls.inside[:, 1:] & hulls.inside[:, :-1] & follows[1:]
-    starts, ends = hulls.inside.copy(), hulls.inside.copy()
-    starts[:, 1:] &= ~joined
-    ends[:, :-1] &= ~joined
+    follows = (np.diff(hulls.voxels, axis=0) == (0, 0, 1)).all(1)
+    joined = np.zeros(
+        (len(hulls), len(hulls.voxels) + 1), bool
+    )  # each voxel with the one before it, if both are inside
+    np.logical_and(hulls.inside[:, :-1], follows, out=joined[:, 1:-1])
+    joined[:, 1:-1] &= hulls.inside[:, 1:]
+    starts, ends = hulls.inside > joined[:, :-1], hulls.inside > joined[:, 1:]
     first, last = np.flatnonzero(starts), np.flatnonzero(ends)
     return *np.divmod(first, max(len(hulls.voxels), 1)), last - first + 1
 

@@ -1,9 +1,11 @@
 """Low-pass filtering of finished poses over time."""
 
+from collections.abc import Callable
+from functools import partial
+
 import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy import signal
 
 from ._poses import Poses
 from ._skeleton import JOINT_PARENTS, TIP_PARENTS
@@ -27,12 +29,15 @@ def smooth(poses: Poses, cutoff: float) -> Poses:
     """
     if not 0 < cutoff < poses.fps / 2:
         raise ValueError(f"cutoff {cutoff:g} Hz: give one between 0 and {poses.fps / 2:g} Hz, half of the frame rate")
+    from scipy import signal  # takes a third of a second, and few smooth
+
     sections = np.asarray(signal.butter(_ORDER, cutoff, fs=poses.fps, output="sos"))
+    low = partial(signal.sosfiltfilt, sections, axis=0)
     joints, tips = poses.joints.astype(np.float64), poses.tips.astype(np.float64)
     for start, stop in _runs(poses.has_pose):
         if stop - start > _SHORTEST:
             part = slice(start, stop)
-            joints[part], tips[part] = _filtered(joints[part], tips[part], sections)
+            joints[part], tips[part] = _filtered(joints[part], tips[part], low)
     new = joints.astype(np.float32), tips.astype(np.float32)
     return eqx.tree_at(lambda p: (p.joints, p.tips), poses, new)
 
@@ -40,11 +45,8 @@ def smooth(poses: Poses, cutoff: float) -> Poses:
 def _filtered(
     joints: Float[np.ndarray, "frames joints=15 3"],
     tips: Float[np.ndarray, "frames tips=5 3"],
-    sections: Float[np.ndarray, "sections 6"],
+    low: Callable[[np.ndarray], np.ndarray],
 ) -> tuple[Float[np.ndarray, "frames joints=15 3"], Float[np.ndarray, "frames tips=5 3"]]:
-    def low(values: np.ndarray) -> np.ndarray:
-        return signal.sosfiltfilt(sections, values, axis=0)
-
     def bone(start: np.ndarray, end: np.ndarray) -> np.ndarray:
         length = np.linalg.norm(end - start, axis=-1, keepdims=True)
         way = low((end - start) / np.maximum(length, 1e-9))

@@ -28,6 +28,7 @@ BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 sys.path.insert(0, str(BENCHMARKS))
 
 import _drawings  # noqa: E402
+import _measure  # noqa: E402
 import _runs  # noqa: E402
 import _table  # noqa: E402
 import accuracy  # noqa: E402
@@ -545,3 +546,35 @@ def test_reliability_by_hand():
         "| 0.5 to 0.9 | 25.0 % | 50.0 % |",
         "| 0.9 to 1 | 62.5 % | 80.0 % |",
     ]
+
+
+def test_a_stored_run_tells_what_has_become_worse(tmp_path):
+    def report(slower: float, error: float) -> _measure.Report:
+        found = _measure.Report("machine", "clip")
+        found.add(_measure.Row("carve", "peer", 3.0, ratio=3.0 / slower, required=2.5))
+        found.add(_measure.Row("whole", "median error", error, "mm"))
+        return found
+
+    report(1.0, 50.0).write(tmp_path / "before.json")
+    assert _measure.regressions(report(1.05, 51.0), tmp_path / "before.json") == []
+    assert _measure.regressions(report(0.5, 20.0), tmp_path / "before.json") == []
+    (worse,) = _measure.regressions(report(1.3, 50.0), tmp_path / "before.json")
+    assert worse.startswith("carve, peer")
+    (worse,) = _measure.regressions(report(1.0, 60.0), tmp_path / "before.json")
+    assert worse.startswith("whole, median error")
+
+
+def test_contenders_take_turns(capsys):
+    calls = []
+    contenders = [
+        _measure.Contender("we", lambda: calls.append("we") or 1, 2),
+        _measure.Contender("they", lambda: calls.append("they") or 2, 1, required=0.0),
+    ]
+    report = _measure.Report("machine", "clip")
+    assert report.race("work", contenders, 3) == [1, 2]
+    assert calls == ["we", "they"] * 4
+    ours, theirs = report.rows
+    assert ours.ratio is None
+    assert theirs.ratio == pytest.approx(theirs.value / ours.value)
+    assert theirs.met
+    assert "| work | they |" in capsys.readouterr().out

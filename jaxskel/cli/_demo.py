@@ -10,7 +10,6 @@ from rich.table import Table
 
 from .._pipeline import Settings
 from .._recording import Recording, unpack_silhouettes
-from ..figures import plot_stages
 from ..io import write_poses, write_recording
 from ..metrics import score, score_table
 from ..overlays import draw_silhouette, draw_skeleton, tile, write_image
@@ -42,6 +41,8 @@ def demo(
     result = score(poses.joints.astype(np.float64), recording.truth.joints, poses.has_pose)
     write_score(output, result)
     write_image(output / "views.png", _views(recording, poses.joints))
+    from ..figures import plot_stages  # imports Matplotlib, which only some commands need
+
     plot_stages(recording, prepared, Settings(), frame=int(0.55 * frames), path=output / "stages.png")
 
     console = Console()

@@ -12,7 +12,6 @@ from .._poses import Poses
 from .._recording import Truth
 from ..io import read_poses, read_truth
 from ..metrics import Score, score, score_table
-from ..plots import plot_score
 from ._run import check_output
 
 
@@ -50,5 +49,7 @@ def write_score(folder: Path, result: Score) -> Path:
     """Write score.json and score.png; return the path of the first."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "score.json").write_text(json.dumps(result.to_dict(), indent=1) + "\n")
+    from ..plots import plot_score  # imports Matplotlib, which only some commands need
+
     plot_score(result, folder / "score.png")
     return folder / "score.json"

@@ -5,7 +5,6 @@ without overshoot (PCHIP), so knees and elbows never bend the wrong way between 
 """
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from .._body import place_body, place_joints
 from .._skeleton import JOINT_NAMES, SEGMENT_NAMES, TIP_NAMES, Pose, Skeleton
@@ -96,6 +95,8 @@ def demo_motion(skeleton: Skeleton, frames: int = 60, fps: float = 5.0) -> Pose:
     if frames < 1 or not fps > 0:
         raise ValueError(f"frames = {frames} and fps = {fps}: give at least one frame and a positive frame rate")
     seconds = (np.arange(frames) / fps) % DURATION
+    from scipy.interpolate import PchipInterpolator  # takes a quarter of a second, and few make scenes
+
     angle = {name: np.deg2rad(PchipInterpolator(*_tails(keys))(seconds)) for name, keys in _KEYS.items()}
     rotations = _rotations(skeleton, angle)
     return Pose(_stand(skeleton, rotations, angle["turn"]), rotations)

@@ -1,0 +1,122 @@
+"""The whole pipeline from masks in memory, in processes of its own: frames per second, memory, accuracy, start-up."""
+
+import os
+import resource
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from accuracy import score_against_truth
+
+from jaxskel import (
+    Recording,
+    Settings,
+    Tracking,
+    join_poses,
+    paper_settings,
+    prepare,
+    read_recording,
+    reconstruct_batches,
+)
+from jaxskel._pipeline import BATCH
+
+PRESETS = ("paper", "default", "tracked")
+
+
+class Throughput(NamedTuple):
+    """What processes did, side by side."""
+
+    frames_per_second: float
+    """Of all together."""
+    megabytes: float
+    """Largest resident set of one process."""
+    median_mm: float
+    """Error of the joints."""
+
+
+def settings_of(preset: str) -> Settings:
+    """By the names that the tables use."""
+    if preset == "paper":
+        return paper_settings()
+    return replace(Settings(), tracking=Tracking()) if preset == "tracked" else Settings()
+
+
+def throughput(path: Path, preset: str, processes: int, seconds: float) -> Throughput:
+    """Reconstruct a sequence again and again for some time in processes by spawn, each on a core of its own."""
+    context = get_context("spawn")
+    barrier, queue = context.Barrier(processes), context.Queue()
+    workers = [
+        context.Process(target=_work, args=(path, preset, number, seconds, barrier, queue))
+        for number in range(processes)
+    ]
+    for worker in workers:
+        worker.start()
+    found = [queue.get() for _ in workers]
+    for worker in workers:
+        worker.join()
+    return Throughput(sum(f[0] for f in found), max(f[1] for f in found), found[0][2])
+
+
+def _work(path: Path, preset: str, number: int, seconds: float, barrier: Any, queue: Any) -> None:
+    if hasattr(os, "sched_setaffinity"):
+        cores = sorted(os.sched_getaffinity(0))
+        os.sched_setaffinity(0, {cores[number % len(cores)]})
+    recording = _whole_batches(read_recording(path))
+    settings = settings_of(preset)
+    prepared = prepare(recording, settings)
+    poses = list(reconstruct_batches(recording, settings, prepared))  # compiles
+    rates = []
+    barrier.wait()
+    end = time.perf_counter() + seconds
+    while time.perf_counter() < end:
+        start = time.perf_counter()
+        for _ in reconstruct_batches(recording, settings, prepared):
+            pass
+        rates.append(len(recording) / (time.perf_counter() - start))
+    error = float("nan")
+    if recording.truth is not None:
+        error = 1e3 * score_against_truth(join_poses(poses), recording).percentile(50)
+    queue.put((float(np.median(rates)), _largest_resident_set(), error))
+
+
+def _largest_resident_set() -> float:
+    """Of this process (MB)."""
+    status = Path("/proc/self/status")
+    if status.exists():  # `getrusage` would count that of the process that started this one
+        line = next(line for line in status.read_text().splitlines() if line.startswith("VmHWM"))
+        return float(line.split()[1]) / 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def _whole_batches(recording: Recording) -> Recording:
+    """Without the frames of a last batch that is not full: they would cost as much as a full one."""
+    return recording[: max(BATCH, len(recording) // BATCH * BATCH)]
+
+
+_FIRST_POSE = """
+import time, sys
+from jaxskel.cli._cache import keep_compiled
+keep_compiled()
+from _whole import settings_of
+from jaxskel import read_recording, reconstruct_batches
+next(iter(reconstruct_batches(read_recording(sys.argv[1]), settings_of(sys.argv[2]))))
+"""
+
+
+def start_up(path: Path, preset: str, repeat: int = 3) -> float:
+    """Seconds from the start of a process to the first batch of poses, what it compiles kept from runs before."""
+    times = []
+    for _ in range(1 + repeat):
+        start = time.perf_counter()
+        subprocess.run(
+            [sys.executable, "-c", _FIRST_POSE, str(path), preset],
+            check=True,
+            env=os.environ | {"PYTHONPATH": str(Path(__file__).parent)},
+        )
+        times.append(time.perf_counter() - start)
+    return float(np.median(times[1:]))
