@@ -19,25 +19,27 @@ class Wave:
     """Voxels are numbered by frame times the size of a box, plus the place in the box; every frame must have some."""
 
     def __init__(self, hulls: VisualHulls):
-        axes = np.ascontiguousarray(hulls.voxels.T).astype(np.int64)
+        axes = np.ascontiguousarray(hulls.voxels.T)
         inside = [np.flatnonzero(one) for one in hulls.inside]
-        own = [axes.take(index, 1) for index in inside]
-        self.low = np.array([[axis.min() - 1 for axis in one] for one in own])
+        # Voxels stand in the grid's order: x is least in the first and greatest in the last one.
+        own = [[axes[0].take(index[[0, -1]]), axes[1].take(index), axes[2].take(index)] for index in inside]
+        self.low = np.array([[int(axis.min()) - 1 for axis in one] for one in own])
         """Corner of each frame's box on the grid."""
-        extent = np.array([[int(np.ptp(axis)) + 3 for axis in one] for one in own]).max(0)
+        extent = np.array([[int(axis.max()) + 2 for axis in one] for one in own])
+        extent = (extent - self.low).max(0)
         self.shape = tuple(int(n) for n in extent + extent % 2)
         """Of each box; even, because it is made of cells of 2 x 2 x 2 voxels."""
         self.size = int(np.prod(self.shape))
-        strides = self.shape[1] * self.shape[2], self.shape[2], 1
+        strides = np.array([self.shape[1] * self.shape[2], self.shape[2], 1])
         self._steps = _NEIGHBOURS @ strides
         # What each step writes first, and over again.
         self._around = np.empty((_AT_ONCE, len(_NEIGHBOURS)), np.int64)
         self._found = np.empty(self._around.shape, bool)
         self._open = np.zeros(len(hulls) * self.size, bool)
         self._mention = np.empty(len(hulls) * self.size, np.int32)
-        for frame, (x, y, z) in enumerate(own):
-            corner = frame * self.size - int(self.low[frame] @ strides)
-            self._open[x * strides[0] + y * strides[1] + z + corner] = True
+        places = strides @ axes.astype(np.int64)
+        for frame, index in enumerate(inside):
+            self._open[places.take(index) + (frame * self.size - int(strides @ self.low[frame]))] = True
         corner, spacing = np.asarray(hulls.grid.origin), hulls.grid.spacing
         self._axes = [
             (corner[i] + spacing * (self.low[:, i, None] + np.arange(n) + 0.5)).reshape(-1)
