@@ -184,18 +184,17 @@ def carve(
     words = []
     for start in range(0, frames, FRAMES_PER_WORD):
         part, gone = silhouettes[start : start + FRAMES_PER_WORD], lost[start : start + FRAMES_PER_WORD]
-        # A full word always, so that a shorter last batch does not compile again.
+        # A full word always, so that a shorter last batch does not compile again; the bits of the rest are no one's.
         missing = FRAMES_PER_WORD - len(part)
         if missing:
             part = np.pad(part, ((0, missing), (0, 0), (0, 0), (0, 0)))
             gone = np.pad(gone, ((0, missing), (0, 0)))
-        words.append(_carve_word(frame_words(part, gone), table, max_misses))
-    occupied = np.flatnonzero(words[0]) if len(words) == 1 else np.flatnonzero(np.bitwise_or.reduce(words))
+        words.append(_carve_word(frame_words(part, gone), table, max_misses) & (_ALL >> np.uint32(missing)))
+    occupied = np.flatnonzero(reduce(np.bitwise_or, words, np.zeros(table.grid.size, np.uint32)))
     inside = np.empty((frames, len(occupied)), bool)
     for i, word in enumerate(words):
-        kept = word[occupied]
+        kept = word.take(occupied)
         for f in range(i * FRAMES_PER_WORD, min(frames, (i + 1) * FRAMES_PER_WORD)):
-            inside[f] = (kept >> np.uint32(f % FRAMES_PER_WORD)) & 1
-    any_frame = inside.any(0)  # the bits of the padding frames are no one's
-    voxels = np.stack(np.unravel_index(occupied[any_frame], table.grid.shape), -1).astype(np.int32)
-    return VisualHulls(voxels, inside[:, any_frame], table.grid)
+            np.not_equal(kept & np.uint32(1 << f % FRAMES_PER_WORD), 0, out=inside[f])
+    voxels = np.stack(np.unravel_index(occupied, table.grid.shape), -1).astype(np.int32)
+    return VisualHulls(voxels, inside, table.grid)
