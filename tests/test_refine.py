@@ -1,3 +1,5 @@
+import pickle
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -148,3 +150,7 @@ def test_a_solver_that_meets_nan_says_so():
         lambda y, args: y * jnp.nan, LevenbergMarquardt(rtol=1e-4, atol=1e-4), jnp.ones(2), max_steps=8, throw=False
     )
     assert solution.result != optx.RESULTS.successful
+
+
+def test_solvers_go_to_other_processes():
+    assert pickle.loads(pickle.dumps(default_solver())) == default_solver()
