@@ -4,8 +4,6 @@ import hashlib
 import json
 import time
 import zipfile
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import equinox as eqx
@@ -14,7 +12,7 @@ from _condition import Condition
 from jaxtyping import Bool, Float, Int
 
 import jaxskel
-from jaxskel import Recording, Settings, Tracking, join_poses, paper_settings, prepare, reconstruct_batches
+from jaxskel import Recording, Settings, join_poses, prepare, reconstruct_batches
 from jaxskel.io._archive import read_arrays, written_whole
 from jaxskel.metrics import Score, score
 
@@ -32,25 +30,6 @@ def _digest_of_code() -> str:
 
 CODE = _digest_of_code()
 """Digest of the package's source, taken at once, because it may be edited while a benchmark runs."""
-
-
-@dataclass(frozen=True)
-class Preset:
-    """A way to reconstruct that the tables and figures show."""
-
-    name: str
-    """On the command line, in file names, in figures."""
-    title: str
-    """Above its column."""
-    settings: Callable[[], Settings]
-
-
-PRESETS = (
-    Preset("paper", "`paper_settings()`", paper_settings),
-    Preset("default", "`Settings()`", Settings),
-    Preset("tracked", "`Settings(tracking=Tracking())`", lambda: Settings(tracking=Tracking())),
-)
-"""All presets, in the order of the columns."""
 
 
 class Run(eqx.Module):

@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from _runs import Preset
+from _presets import Preset
 
 from jaxskel.metrics import LIMBS, Score, join_scores
 

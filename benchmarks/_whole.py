@@ -5,27 +5,17 @@ import resource
 import subprocess
 import sys
 import time
-from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from _presets import PRESETS
 from accuracy import score_against_truth
 
-from jaxskel import (
-    Recording,
-    Settings,
-    Tracking,
-    join_poses,
-    paper_settings,
-    prepare,
-    read_recording,
-    reconstruct_batches,
-)
+from jaxskel import Recording, join_poses, prepare, read_recording, reconstruct_batches
+from jaxskel._parallel import take_core
 from jaxskel._pipeline import BATCH
-
-PRESETS = ("paper", "default", "tracked")
 
 
 class Throughput(NamedTuple):
@@ -37,13 +27,6 @@ class Throughput(NamedTuple):
     """Largest resident set of one process."""
     median_mm: float
     """Error of the joints."""
-
-
-def settings_of(preset: str) -> Settings:
-    """By the names that the tables use."""
-    if preset == "paper":
-        return paper_settings()
-    return replace(Settings(), tracking=Tracking()) if preset == "tracked" else Settings()
 
 
 def throughput(path: Path, preset: str, processes: int, seconds: float) -> Throughput:
@@ -63,11 +46,9 @@ def throughput(path: Path, preset: str, processes: int, seconds: float) -> Throu
 
 
 def _work(path: Path, preset: str, number: int, seconds: float, barrier: Any, queue: Any) -> None:
-    if hasattr(os, "sched_setaffinity"):
-        cores = sorted(os.sched_getaffinity(0))
-        os.sched_setaffinity(0, {cores[number % len(cores)]})
+    take_core(number)
     recording = _whole_batches(read_recording(path))
-    settings = settings_of(preset)
+    settings = PRESETS[preset].settings()
     prepared = prepare(recording, settings)
     poses = list(reconstruct_batches(recording, settings, prepared))  # compiles
     rates = []
@@ -99,12 +80,12 @@ def _whole_batches(recording: Recording) -> Recording:
 
 
 _FIRST_POSE = """
-import time, sys
+import sys
 from jaxskel.cli._cache import keep_compiled
 keep_compiled()
-from _whole import settings_of
+from _presets import PRESETS
 from jaxskel import read_recording, reconstruct_batches
-next(iter(reconstruct_batches(read_recording(sys.argv[1]), settings_of(sys.argv[2]))))
+next(iter(reconstruct_batches(read_recording(sys.argv[1]), PRESETS[sys.argv[2]].settings())))
 """
 
 

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 from _condition import Condition, add_options, condition_of, disturbed
-from _runs import PRESETS
+from _presets import PRESETS
 from jaxtyping import Bool, Float
 
 from jaxskel import (
@@ -131,10 +131,9 @@ def main() -> None:
     parser.add_argument("sequences", nargs="+", type=Path)
     parser.add_argument("--output", type=Path, help="also write every figure as JSON")
     add_options(parser)
-    names = [preset.name for preset in PRESETS]
-    parser.add_argument("--preset", choices=names, default="default", help="how to reconstruct")
+    parser.add_argument("--preset", choices=list(PRESETS), default="default", help="how to reconstruct")
     arguments = parser.parse_args()
-    settings = PRESETS[names.index(arguments.preset)].settings()
+    settings = PRESETS[arguments.preset].settings()
     condition = condition_of(arguments)
     results, total = score_files(arguments.sequences, condition, settings)
     if arguments.output:

@@ -17,7 +17,8 @@ from pathlib import Path
 
 from _condition import Condition, add_options, condition_of, disturbed
 from _drawings import WRONG_MM, draw_boxplots, draw_joint_distance, draw_thresholds, joint_distance, jumpy_interval
-from _runs import PRESETS, Preset, Run, made_from, read_run, reconstruct_run, score_run, write_run
+from _presets import PRESETS, Preset
+from _runs import Run, made_from, read_run, reconstruct_run, score_run, write_run
 from _table import clip_and_body, paper_dict, table_dict, table_markdown
 
 from jaxskel import read_recording
@@ -125,10 +126,10 @@ def span(text: str) -> tuple[int, int]:
 
 def presets_of(text: str) -> list[Preset]:
     """The presets of a list with commas, in the order of `PRESETS`."""
-    names, known = text.split(","), [preset.name for preset in PRESETS]
+    names, known = text.split(","), list(PRESETS)
     if not set(names) <= set(known):
         raise argparse.ArgumentTypeError(f"{text!r}: give some of {','.join(known)}")
-    return [preset for preset in PRESETS if preset.name in names]
+    return [preset for name, preset in PRESETS.items() if name in names]
 
 
 def main() -> None:
@@ -136,8 +137,8 @@ def main() -> None:
     parser.add_argument("sequences", nargs="+", type=Path)
     parser.add_argument("--output", "-o", type=Path, required=True, metavar="FOLDER")
     parser.add_argument(
-        "--presets", type=presets_of, default=list(PRESETS), metavar="A,B",
-        help=f"the columns, by default {','.join(preset.name for preset in PRESETS)}",
+        "--presets", type=presets_of, default=list(PRESETS.values()), metavar="A,B",
+        help=f"the columns, by default {','.join(PRESETS)}",
     )  # fmt: skip
     parser.add_argument("--interval", type=span, metavar="FIRST:END", help="frame numbers of Figure 4(a)")
     add_options(parser)

@@ -6,17 +6,15 @@ The package films its own person in a ring of cameras; `--preset paper` reconstr
 """
 
 import argparse
-import time
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
+from _stage_times import stage_times
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from jaxskel import Recording, paper_settings, prepare, reconstruct_batches
-from jaxskel.cli._progress import StageTimes
+from jaxskel import Recording, paper_settings, prepare
 from jaxskel.synthetic import camera_ring, make_scene
 
 FRAMES, CAMERAS, WIDTH, SPACING = 64, 8, 640, 0.015
@@ -32,15 +30,7 @@ def film(frames: int = FRAMES, cameras: int = CAMERAS, width: int = WIDTH) -> Re
 def times(recording: Recording, spacing: float = SPACING, repeat: int = 3) -> dict[str, float]:
     """Milliseconds a frame by stage, medians over repetitions, and all together."""
     settings = replace(paper_settings(), spacing=spacing)
-    prepared = prepare(recording, settings)
-    runs = []
-    for turn in range(1 + repeat):
-        watch, start = StageTimes(), time.perf_counter()
-        for _ in reconstruct_batches(recording, settings, prepared, watch):
-            pass
-        if turn:
-            runs.append({**watch.later, "all": time.perf_counter() - start})
-    return {stage: 1e3 * float(np.median([run[stage] for run in runs])) / len(recording) for stage in runs[0]}
+    return stage_times(recording, settings, prepare(recording, settings), repeat)
 
 
 def series(quick: bool) -> Iterable[tuple[str, list[float], list[dict[str, float]]]]:

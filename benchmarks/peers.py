@@ -29,7 +29,8 @@ from _peers_hull import (
     skimage_thinning,
 )
 from _peers_pose import dtaidistance_matrices, scipy_refinement
-from _whole import PRESETS, start_up, throughput
+from _presets import PRESETS
+from _whole import start_up, throughput
 
 from jaxskel import carve, paper_settings, prepare, read_recording, unpack_silhouettes
 from jaxskel._descriptors import describe_ends, template_ends
@@ -111,12 +112,10 @@ class Bench:
 
     def refine(self) -> None:
         """The paper's objective with exact bones, a batch of 64; SciPy's costs beside ours."""
-        prepared, s = self.prepared, self.settings
-        limbs, facing, _ = labelled_limbs(self.graphs, prepared.skeleton, s)
+        s = self.settings
+        limbs, facing, _ = labelled_limbs(self.graphs, self.prepared.skeleton, s)
         frames = np.resize(np.arange(len(limbs.paths)), 64)
-        skeleton, objective = single_precision(
-            (self.prepared.skeleton, self.settings.objective_for(self.prepared.body))
-        )
+        skeleton, objective = single_precision((self.prepared.skeleton, s.objective_for(self.prepared.body)))
         start = initial_poses(limbs, facing, skeleton)
         initial, observed = single_precision(taken((start, observed_graph(limbs)), frames))
         ours = partial(

@@ -11,38 +11,29 @@ import os
 import time
 from pathlib import Path
 
-import numpy as np
+from _presets import PRESETS
+from _stage_times import stage_times
 
-from jaxskel import Settings, paper_settings, prepare, read_recording, reconstruct_batches
-from jaxskel.cli._progress import StageTimes
+from jaxskel import prepare, read_recording
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("sequence", type=Path)
     parser.add_argument("--repeat", type=int, default=5)
-    parser.add_argument("--preset", choices=("default", "paper"), default="default", help="as in `jaxskel run`")
+    parser.add_argument("--preset", choices=list(PRESETS), default="default", help="how to reconstruct")
     arguments = parser.parse_args()
     recording = read_recording(arguments.sequence)
-    settings = paper_settings() if arguments.preset == "paper" else Settings()
+    settings = PRESETS[arguments.preset].settings()
     start = time.perf_counter()
     prepared = prepare(recording, settings)
     print(f"prepared in {time.perf_counter() - start:.1f} s: {prepared.table.grid.shape if prepared.table else None}")
-    for _ in reconstruct_batches(recording, settings, prepared):  # compiles
-        pass
-    runs = []
-    for _ in range(arguments.repeat):
-        times = StageTimes()
-        start = time.perf_counter()
-        for _ in reconstruct_batches(recording, settings, prepared, times):
-            pass
-        runs.append(dict(times.later) | {"all": time.perf_counter() - start})
+    times = stage_times(recording, settings, prepared, arguments.repeat)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     print(f"{recording.name}: {len(recording)} frames, {len(recording.cameras)} cameras, {cores} core(s)\n")
     print("| stage | ms a frame | frames per second |\n|---|---|---|")
-    for stage in runs[0]:
-        per_frame = float(np.median([run[stage] for run in runs])) / len(recording)
-        print(f"| {stage} | {1e3 * per_frame:.1f} | {1 / per_frame:.0f} |")
+    for stage, milliseconds in times.items():
+        print(f"| {stage} | {milliseconds:.1f} | {1e3 / milliseconds:.0f} |")
 
 
 if __name__ == "__main__":

@@ -28,19 +28,10 @@ def find_footprints(
     pixels: Int[np.ndarray, " voxels"], shape: tuple[int, ...], height: int, width: int
 ) -> Int[np.ndarray, " blocks"]:
     """Where one camera sees each block, from the pixels of the voxels (`height` times `width` where it is not seen)."""
-    unseen = height * width
     v, u = np.divmod(pixels.astype(np.int32), np.int32(width))
-    unseen_in = _over_blocks((pixels == unseen).reshape(shape), shape, False, np.maximum)
-    corners = [
-        _over_blocks(axis.reshape(shape), shape, fill, over)
-        for axis, fill, over in (
-            (v, height, np.minimum),
-            (v, -1, np.maximum),
-            (u, width, np.minimum),
-            (u, -1, np.maximum),
-        )
-    ]
-    top, bottom, left, right = corners
+    unseen_in = _over_blocks(pixels == height * width, shape, False, np.maximum)
+    top, bottom = _over_blocks(v, shape, height, np.minimum), _over_blocks(v, shape, -1, np.maximum)
+    left, right = _over_blocks(u, shape, width, np.minimum), _over_blocks(u, shape, -1, np.maximum)
     total = sum(rows * columns for rows, columns in _levels(height, width))
     found = np.full(len(top), total, np.int32)
     start = 0
@@ -98,7 +89,7 @@ def _over_blocks(
     values: np.ndarray, shape: tuple[int, ...], fill: int | bool, over: Callable[[Any, Any], np.ndarray]
 ) -> np.ndarray:
     """The least or largest of each block's voxels."""
-    values = np.pad(values, [(0, -n % EDGE) for n in shape], constant_values=fill)
+    values = np.pad(values.reshape(shape), [(0, -n % EDGE) for n in shape], constant_values=fill)
     # Whole slices of numbers are compared, not the few of each block.
     for axis in (2, 1, 0):
         ahead = (slice(None),) * axis

@@ -29,13 +29,16 @@ class ProjectionTable(eqx.Module):
     """Index into the flattened image; one past its end where the camera does not see the voxel."""
     observed: Bool[Array, " voxels"]
     """Seen by enough cameras to be told from the background."""
-    unseen: int
-    """The index of "not seen": the number of pixels of an image."""
     grid: VoxelGrid
     footprints: Int[Array, "cams blocks"]
     """Where each camera sees each block of voxels, see `find_footprints`."""
     size: tuple[int, int] = eqx.field(static=True)
     """Height and width of the stored silhouettes (px)."""
+
+    @property
+    def unseen(self) -> int:
+        """The index of "not seen": the number of pixels of an image."""
+        return self.size[0] * self.size[1]
 
 
 def projection_table(cameras: Cameras, grid: VoxelGrid, height: int, width: int, min_views: int = 2) -> ProjectionTable:
@@ -73,7 +76,6 @@ def projection_table(cameras: Cameras, grid: VoxelGrid, height: int, width: int,
     return ProjectionTable(
         jnp.asarray(pixels),
         jnp.asarray(seen_by >= min_views),
-        height * width,
         grid,
         jnp.asarray(footprints),
         (height, width),

@@ -33,23 +33,17 @@ def describe_ends(graphs: Sequence[SkeletalGraph]) -> EndNodes:
         ValueError: A graph has more than `MAX_ENDS` end nodes; limit them when pruning.
     """
     forest = forest_of(graphs)
-    leaves = forest.leaves
-    count = 1 + leaves.sum(1)
-    if count.max(initial=0) > MAX_ENDS:
-        raise ValueError(f"a graph has {count.max()} end nodes, more than {MAX_ENDS}: prune longer branches")
-    # The root, then the leaves by depth, as in `SkeletalGraph.end_nodes`.
-    key = np.where(leaves, forest.depths, np.inf)
-    key[:, 0] = -1.0
-    nodes = np.zeros((len(graphs), MAX_ENDS), np.int32)
-    order = np.argsort(key, 1, kind="stable")[:, :MAX_ENDS]
-    nodes[:, : order.shape[1]] = order
-    there = np.arange(MAX_ENDS) < count[:, None]
-    nodes[~there] = 0
-    distances = np.take_along_axis(forest.geodesics(nodes), nodes[..., None], 1)
+    ends = forest.end_nodes
+    if ends.shape[1] > MAX_ENDS:
+        raise ValueError(f"a graph has {ends.shape[1]} end nodes, more than {MAX_ENDS}: prune longer branches")
+    nodes = np.full((len(graphs), MAX_ENDS), -1, np.int32)
+    nodes[:, : ends.shape[1]] = ends
+    there, at = nodes >= 0, np.maximum(nodes, 0)
+    distances = np.take_along_axis(forest.geodesics(at), at[..., None], 1)
     distances = np.where(there[:, :, None] & there[:, None], distances, 0.0)
-    positions = np.where(there[..., None], np.take_along_axis(forest.positions, nodes[..., None], 1), 0.0)
-    nodes[~there] = -1
-    return EndNodes(nodes, count.astype(np.int32), distances.astype(np.float32), positions.astype(np.float32))
+    positions = np.where(there[..., None], np.take_along_axis(forest.positions, at[..., None], 1), 0.0)
+    count = there.sum(1).astype(np.int32)
+    return EndNodes(nodes, count, distances.astype(np.float32), positions.astype(np.float32))
 
 
 def template_geodesics(skeleton: Skeleton) -> Float[np.ndarray, "nodes=20 ends=5"]:

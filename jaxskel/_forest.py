@@ -57,6 +57,20 @@ class Forest(eqx.Module):
         leaf[trees, self.parents[trees, children]] = False  # the root, its own parent here, too
         return leaf
 
+    @property
+    def end_nodes(self) -> Int[np.ndarray, "trees ends"]:
+        """The root, then the leaves in ascending geodesic distance from it (the paper's omega_1 ... omega_N).
+
+        As many as the tree with the most has; -1 behind those that there are.
+        """
+        leaves = self.leaves
+        key = np.where(leaves, self.depths, np.inf)
+        key[:, 0] = -1.0
+        count = 1 + leaves.sum(1)
+        # A stable sort keeps the order of the nodes where two leaves are equally far.
+        nodes = np.argsort(key, 1, kind="stable")[:, : count.max(initial=0)]
+        return np.where(np.arange(nodes.shape[1]) < count[:, None], nodes, -1)
+
     def geodesics(self, sources: Int[np.ndarray, "trees sources"]) -> Float[np.ndarray, "trees nodes sources"]:
         """Length of the path between every node and some source nodes (m): gd(v, omega) of Eq. 1 and Eq. 5.
 

@@ -35,9 +35,7 @@ class SkeletalGraph(eqx.Module):
     @property
     def end_nodes(self) -> Int[np.ndarray, " ends"]:
         """The root, then the leaves in ascending geodesic distance from it (the paper's omega_1 ... omega_N)."""
-        leaves = np.flatnonzero(forest_of([self]).leaves[0])
-        # A stable sort keeps the order of the nodes where two leaves are equally far.
-        return np.concatenate([[0], leaves[np.argsort(self.depths[leaves], kind="stable")]])
+        return forest_of([self]).end_nodes[0]
 
     def path_to_root(self, node: int | np.integer) -> Int[np.ndarray, " path"]:
         """Nodes from `node` up to the root, both included."""

@@ -59,6 +59,13 @@ def reconstruct_parallel(
         ) from None
 
 
+def take_core(number: int) -> None:
+    """Keep this process to one of the cores it may use, where the system can."""
+    if hasattr(os, "sched_setaffinity"):
+        mine = sorted(os.sched_getaffinity(0))
+        os.sched_setaffinity(0, {mine[number % len(mine)]})
+
+
 def _stretches(frames: int, jobs: int, settings: Settings) -> list[list[int]]:
     """Where batches start that must be done one after the other."""
     starts = list(range(0, frames, BATCH))
@@ -103,10 +110,7 @@ _given: tuple[Recording, Prepared, Settings]
 def _begin(cores: Any, given: bytes) -> None:
     """Take a core before JAX counts them, then unpack."""
     global _given
-    number = cores.get()
-    if hasattr(os, "sched_setaffinity"):
-        mine = sorted(os.sched_getaffinity(0))
-        os.sched_setaffinity(0, {mine[number % len(mine)]})
+    take_core(cores.get())
     _given = pickle.loads(given)
 
 

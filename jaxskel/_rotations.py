@@ -1,5 +1,6 @@
 """Rotations as matrices: the exponential map for the solver, alignment of directions for initial poses."""
 
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -70,18 +71,21 @@ def _coefficients(vector: Float[Array, "*batch 3"]) -> tuple[Float[Array, "*batc
 def _left_jacobian(vector: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"]:
     """Angular velocity by change of the rotation vector."""
     sine, cosine, rest = (coefficient[..., None] for coefficient in _coefficients(vector))
-    x, y, z = (vector[..., i] for i in range(3))
-    zero = jnp.zeros_like(x)
-    skew = jnp.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).reshape(*vector.shape, 3)
+    skew = _skew(vector, jnp.stack)
     identity = jnp.broadcast_to(jnp.eye(3, dtype=vector.dtype), skew.shape)
     return sine * identity + cosine * skew + rest * vector[..., :, None] * vector[..., None, :]
 
 
+def _skew(vector: Any, stack: Callable[..., Any] = np.stack) -> Any:
+    """The matrix of the cross product by a vector, of NumPy or of JAX."""
+    x, y, z = (vector[..., i] for i in range(3))
+    zero = 0 * x
+    return stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).reshape(*vector.shape, 3)
+
+
 def turn_about(axis: Float[np.ndarray, "n 3"], angle: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3 3"]:
     """Rotation about unit axes by angles (rad)."""
-    x, y, z = axis.T
-    zero = np.zeros_like(x)
-    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], 1).reshape(-1, 3, 3)
+    cross = _skew(axis)
     sine, cosine = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
     return np.eye(3) + sine * cross + (1 - cosine) * (cross @ cross)
 
@@ -98,9 +102,7 @@ def aligning(
     perpendicular = np.cross(start, other)
     perpendicular /= np.linalg.norm(perpendicular, axis=-1, keepdims=True)
     half_turn = 2 * perpendicular[..., :, None] * perpendicular[..., None, :] - np.eye(3)
-    x, y, z = axis[..., 0], axis[..., 1], axis[..., 2]
-    zero = np.zeros_like(x)
-    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).reshape(*axis.shape[:-1], 3, 3)
+    cross = _skew(axis)
     scale = (1 / np.maximum(1 + cosine, 1e-6))[..., None, None]
     return np.where(opposite[..., None, None], half_turn, np.eye(3) + cross + cross @ cross * scale)
 

@@ -51,21 +51,19 @@ def find_bodies(hulls: VisualHulls) -> Bodies:
     row, column = np.concatenate(rows), np.concatenate(columns)
     body = connected(row, column, len(low))
     # By the first of their runs, not as the pairs come.
-    first_run = np.full(body.max(initial=-1) + 1, len(body))
-    np.minimum.at(first_run, body, np.arange(len(body)))
-    body = np.argsort(np.argsort(first_run)).take(body)
-    count = len(first_run)
-    frame_of_body = np.zeros(count, int)
-    frame_of_body[body] = frame
-    return Bodies(frame, length, body, frame_of_body, np.bincount(body, length, count).astype(int))
+    _, first_run, body = np.unique(body, return_index=True, return_inverse=True)
+    order = np.argsort(first_run)
+    number = np.empty_like(order)
+    number[order] = np.arange(len(order))
+    body = number[body]
+    return Bodies(frame, length, body, frame[first_run[order]], np.bincount(body, length, len(order)).astype(int))
 
 
 def _runs(hulls: VisualHulls) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Frame, first voxel and length of each run."""
     follows = (np.diff(hulls.voxels, axis=0) == (0, 0, 1)).all(1)
-    joined = np.zeros(
-        (len(hulls), len(hulls.voxels) + 1), bool
-    )  # each voxel with the one before it, if both are inside
+    # Each voxel with the one before it, if both are inside.
+    joined = np.zeros((len(hulls), len(hulls.voxels) + 1), bool)
     np.logical_and(hulls.inside[:, :-1], follows, out=joined[:, 1:-1])
     joined[:, 1:-1] &= hulls.inside[:, 1:]
     starts, ends = hulls.inside > joined[:, :-1], hulls.inside > joined[:, 1:]

@@ -29,6 +29,7 @@ sys.path.insert(0, str(BENCHMARKS))
 
 import _drawings  # noqa: E402
 import _measure  # noqa: E402
+import _presets  # noqa: E402
 import _runs  # noqa: E402
 import _table  # noqa: E402
 import accuracy  # noqa: E402
@@ -319,7 +320,7 @@ def test_clip_and_body_are_told_by_the_stem(stem, clip, body):
 
 def test_a_table_counts_what_was_counted_by_hand(scene):
     result = _runs.score_run(run_of_truth(scene))
-    preset = _runs.PRESETS[0]
+    preset = _presets.PRESETS["paper"]
     scores = {preset.name: {"13_18_male": result, "13_18_female": result, "02_01_male": result}}
     rows = [
         [cell.strip() for cell in line.strip("|").split("|")]
@@ -339,7 +340,7 @@ def test_a_table_counts_what_was_counted_by_hand(scene):
 
 
 def test_a_sequence_that_the_paper_lacks_has_no_numbers_of_the_paper(scene):
-    preset = _runs.PRESETS[0]
+    preset = _presets.PRESETS["paper"]
     result = _runs.score_run(run_of_truth(scene))
     table = _table.table_markdown("x", {preset.name: {"scene": result, "02_01": result}}, [preset])
     assert "| scene | 4 | – | – | 25.0 /" in table
