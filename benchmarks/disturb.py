@@ -48,7 +48,7 @@ def with_dirty_masks(recording: Recording, seed: int) -> Recording:
     out or added ([`holes_and_blobs`][]). In each frame one camera, drawn anew, sees nothing at all.
     """
     sizes, width = recording.cameras.size, 8 * recording.silhouettes.shape[3]
-    masks = np.array(unpack_silhouettes(recording.silhouettes, width))
+    masks = np.array(unpack_silhouettes(np.asarray(recording.silhouettes), width))
     for frame, number in zip(masks, recording.frame_index, strict=True):
         rng = _generator(seed, recording.name, int(number))
         black = rng.integers(len(frame))

@@ -5,13 +5,15 @@ falls on any of the cells of the image around its voxels' pixels. So no voxel of
 """
 
 from collections.abc import Callable
-from functools import partial, reduce
+from functools import reduce
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int, UInt32
+
+from ._kept import kept
 
 EDGE = 4
 """Voxels along the edge of a block."""
@@ -43,7 +45,7 @@ def find_footprints(
     return found
 
 
-@partial(jax.jit, static_argnames=("height", "width"))
+@kept
 def pooled(words: UInt32[Array, "cams pixels"], height: int, width: int) -> UInt32[Array, "cams cells"]:
     """Of two by two cells each, from their upper left one on, which frames have the person on any pixel; by size."""
     levels = []

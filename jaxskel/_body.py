@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from ._kept import kept
 from ._skeleton import (
     JOINT_NAMES,
     PIVOT_NAMES,
@@ -191,7 +192,7 @@ def place_body(
     return np.asarray(ends), np.asarray(body.radii)[body.links]
 
 
-@eqx.filter_jit
+@kept
 def place_joints(
     skeleton: Skeleton, pose: Pose
 ) -> tuple[Float[Array, "frames joints=15 3"], Float[Array, "frames tips=5 3"]]:
@@ -199,6 +200,6 @@ def place_joints(
     return jax.vmap(forward_kinematics, in_axes=(None, 0))(skeleton, pose)
 
 
-@eqx.filter_jit
+@kept
 def _origins(skeleton: Skeleton, pose: Pose) -> Float[Array, "frames segments=17 3"]:
     return jax.vmap(lambda one: place_segments(skeleton, one)[2])(pose)

@@ -10,6 +10,7 @@ from ._body import BALL_NAMES, Body, capsule_ends
 from ._capsules import nearest_to_rays
 from ._contours import Contours
 from ._fits import fit_poses, fit_scales
+from ._kept import kept
 from ._skeleton import Pose, place_segments
 from ._solve import Search, make_model, solve_frames
 from ._stacks import on_device, single_precision, taken
@@ -99,7 +100,7 @@ def _updated(body: Body, poses: Pose, outlines: Contours) -> Body:
     return Body(body.skeleton, body.segments, offsets, radii, body.links)
 
 
-@eqx.filter_jit
+@kept
 def _nearest(
     body: Body, poses: Pose, outlines: Contours
 ) -> tuple[

@@ -204,6 +204,21 @@ def in_cameras(cameras: Cameras, points: Float[Array | np.ndarray, "n 3"]) -> tu
     return right, low, depth
 
 
+def lattice_in_cameras(
+    cameras: Cameras, x: Float[np.ndarray, " nx"], y: Float[np.ndarray, " ny"], z: Float[np.ndarray, " nz"]
+) -> tuple[Any, Any, Any]:
+    """`in_cameras` of all points of a lattice, z fastest: the same sums, most of them shared (m, cams x n)."""
+    right, low, depth = (
+        (
+            ((cameras.R[:, row, 0, None] * x)[:, :, None] + (cameras.R[:, row, 1, None] * y)[:, None])[..., None]
+            + (cameras.R[:, row, 2, None] * z)[:, None, None]
+            + cameras.t[:, row, None, None, None]
+        ).reshape(len(cameras), -1)
+        for row in range(3)
+    )
+    return right, low, depth
+
+
 def on_images(cameras: Cameras, right: Any, low: Any, depth: Any) -> tuple[Any, Any]:
     """Where points in the cameras' frames (m, cams x n) are seen, as `project` gives it (px)."""
     xp = depth.__array_namespace__()
@@ -212,7 +227,10 @@ def on_images(cameras: Cameras, right: Any, low: Any, depth: Any) -> tuple[Any, 
     x, y = right / safe, low / safe
     inside = in_front & (x * x + y * y < cameras.max_radius[:, None] ** 2)
     # Outside the one-to-one range the polynomial may overflow; its value there is never used.
-    xd, yd = _distort(cameras.dist[:, :, None], xp.where(inside, x, 0.0), xp.where(inside, y, 0.0))
+    x, y = xp.where(inside, x, 0.0), xp.where(inside, y, 0.0)
+    # Without distortion, where that is known, the polynomial is left out.
+    straight = isinstance(cameras.dist, np.ndarray) and not cameras.dist.any()
+    xd, yd = (x, y) if straight else _distort(cameras.dist[:, :, None], x, y)
     K = cameras.K[:, :, :, None]
     u = K[:, 0, 0] * xd + K[:, 0, 1] * yd + K[:, 0, 2]
     v = K[:, 1, 1] * yd + K[:, 1, 2]

@@ -4,22 +4,23 @@ Cameras and grid are static, so the pixel that each voxel falls on is looked up 
 word belongs to frame f: one gather and one AND carve 32 frames. Blocks of voxels go first, see `_blocks`.
 """
 
-from functools import partial, reduce
+from functools import reduce
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Int, UInt8, UInt32
 
 from ._blocks import find_footprints, pooled, voxels_of
-from ._camera import Cameras, project
+from ._camera import Cameras, lattice_in_cameras, on_images
 from ._grid import VoxelGrid
 from ._hull import VisualHulls
+from ._kept import kept
 
 FRAMES_PER_WORD = 32
 _ALL = np.uint32(0xFFFFFFFF)
 _AT_ONCE = 1 << 15  # voxels
+_PROJECTED_AT_ONCE = 100_000  # voxels
 
 
 class ProjectionTable(eqx.Module):
@@ -57,16 +58,15 @@ def projection_table(cameras: Cameras, grid: VoxelGrid, height: int, width: int,
     pixels = np.full((len(cameras), grid.size), height * width, np.int32)
     seen_by = np.zeros(grid.size, np.int32)
     x, y, z = grid.axes()
-    plane = np.stack(np.meshgrid(y, z, indexing="ij"), -1).reshape(-1, 2)
-    slab = max(1, 200_000 // len(plane))
+    plane = len(y) * len(z)
+    slab = max(1, _PROJECTED_AT_ONCE // plane)
     # Slab by slab, because all coordinates of a large grid at once would take gigabytes.
     for start in range(0, len(x), slab):
         part = x[start : start + slab]
-        points = np.empty((len(part), len(plane), 3))
-        points[..., 0], points[..., 1:] = part[:, None], plane
-        out = slice(start * len(plane), (start + len(part)) * len(plane))
+        out = slice(start * plane, (start + len(part)) * plane)
         for c in range(len(cameras)):
-            u, v, _ = (a[0] for a in project(cameras[[c]], points.reshape(-1, 3)))
+            one = cameras[[c]]
+            u, v = (a[0] for a in on_images(one, *lattice_in_cameras(one, part, y, z)))
             u, v = np.floor(u + 0.5), np.floor(v + 0.5)
             # NaN, where the camera sees nothing, compares false.
             seen = (u >= 0) & (v >= 0) & (u < cameras.size[c, 0]) & (v < cameras.size[c, 1])
@@ -82,9 +82,9 @@ def projection_table(cameras: Cameras, grid: VoxelGrid, height: int, width: int,
     )
 
 
-@jax.jit
+@kept
 def frame_words(
-    packed: UInt8[Array, "frames=32 cams h w8"], lost: Bool[Array, "frames=32 cams"]
+    packed: UInt8[Array | np.ndarray, "frames=32 cams h w8"], lost: Bool[Array | np.ndarray, "frames=32 cams"]
 ) -> UInt32[Array, "cams pixels"]:
     """Turn the packed bits of 32 frames into one word a pixel.
 
@@ -120,7 +120,7 @@ def _transposed(rows: list[UInt8[Array, "*image"]]) -> list[UInt8[Array, "*image
     return rows[::-1]
 
 
-@partial(jax.jit, static_argnames="max_misses")
+@kept
 def carve_words(
     words: UInt32[Array, "cams places"], seen: Int[Array, "cams some"], max_misses: int = 0
 ) -> UInt32[Array, " some"]:
@@ -141,9 +141,12 @@ def carve_words(
     return ~misses[max_misses]
 
 
-@partial(jax.jit, static_argnames="max_misses")
+@kept
 def _carve_some(
-    words: UInt32[Array, "cams pixels"], table: ProjectionTable, voxels: Int[Array, " some"], max_misses: int
+    words: UInt32[Array, "cams pixels"],
+    table: ProjectionTable,
+    voxels: Int[Array | np.ndarray, " some"],
+    max_misses: int,
 ) -> UInt32[Array, " some"]:
     """Carve some voxels of the grid."""
     seen = table.pixels.at[:, voxels].get(mode="promise_in_bounds")
@@ -195,8 +198,8 @@ def carve(
     occupied = np.flatnonzero(reduce(np.bitwise_or, words, np.zeros(table.grid.size, np.uint32)))
     inside = np.empty((frames, len(occupied)), bool)
     for i, word in enumerate(words):
-        kept = word.take(occupied)
+        own = word.take(occupied)
         for f in range(i * FRAMES_PER_WORD, min(frames, (i + 1) * FRAMES_PER_WORD)):
-            np.not_equal(kept & np.uint32(1 << f % FRAMES_PER_WORD), 0, out=inside[f])
+            np.not_equal(own & np.uint32(1 << f % FRAMES_PER_WORD), 0, out=inside[f])
     voxels = np.stack(np.unravel_index(occupied, table.grid.shape), -1).astype(np.int32)
     return VisualHulls(voxels, inside, table.grid)

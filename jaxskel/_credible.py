@@ -1,12 +1,12 @@
 """Which outlines to believe: the others know where the person may end, and where not."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ._contours import Contours
+from ._kept import kept
 from ._silhouette_distances import SilhouetteDistances
 from ._stacks import single_precision
 
@@ -50,7 +50,7 @@ def credible(
     return jax.tree.map(lambda a: a[rows, chosen], outlines)
 
 
-@eqx.filter_jit
+@kept
 def _grazing(
     outlines: Contours, silhouettes: SilhouetteDistances, middle: Float[Array, "3"], deepest: Float[Array, ""]
 ) -> Bool[Array, " rays"]:

@@ -1,6 +1,5 @@
 """Whether a pose explains what was seen: how much of the outlines is left over."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -8,6 +7,7 @@ from jaxtyping import Array, Float
 from ._body import Body, capsule_ends
 from ._capsules import nearest_to_rays
 from ._contours import Contours
+from ._kept import kept
 from ._skeleton import Pose
 from .terms import place
 
@@ -15,7 +15,7 @@ from .terms import place
 _NEAR = 0.04
 
 
-@eqx.filter_jit
+@kept
 def unexplained_shares(body: Body, poses: Pose, contours: Contours) -> Float[Array, " frames"]:
     """Share of each frame's outlines that lie outside of the body, and not near it."""
 

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float, Int
 from ._body import Body
 from ._descend import descend
 from ._hypotheses import Hypotheses, Pool, pool_of
+from ._kept import kept
 from ._skeleton import Pose
 from ._stacks import on_device, taken
 from .parametrisations import HingedLimbs
@@ -72,7 +73,7 @@ def fit_hypothesis(
     return pose, jnp.where(jnp.isfinite(cost), cost, jnp.inf)
 
 
-@eqx.filter_jit
+@kept
 def _fitted(
     body: Body, poses: Pose, frames: Int[Array, " n"], stack: Observed, scales: tuple[Array, Array]
 ) -> tuple[Pose, Float[Array, " n"]]:

@@ -9,7 +9,8 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Int, UInt8
 
-from ._hull import VisualHulls, label_bodies
+from ._hull import VisualHulls
+from ._runs import bodies_among
 from ._skeleton import Skeleton
 
 _STATURE = 1.75  # of the body that the sizes below belong to (m)
@@ -152,18 +153,19 @@ def _highest_core(
 
     Specks are left out; the result is empty where all are specks.
     """
-    labels, sizes = label_bodies(hulls.voxels[own])
+    bodies = bodies_among(hulls.voxels[own], hulls.grid)
+    body, sizes = bodies.voxels_of(0), bodies.sizes
     if len(sizes) == 0 or sizes.max() < least:
         return own[:0]
     heights = hulls.voxels[own, 2]
-    middles = np.bincount(labels, heights)[1:] / sizes
+    middles = np.bincount(body, heights) / sizes
     tops = np.full(len(sizes), -1)
-    np.maximum.at(tops, labels - 1, heights)
+    np.maximum.at(tops, body, heights)
     middles[sizes < least], tops[sizes < least] = -np.inf, -1
     core = int(np.argmax(middles))
     if tops.max() - tops[core] > lead:
         core = int(np.argmax(tops))
-    return own[labels == 1 + core]
+    return own[body == core]
 
 
 def _straight_up(hulls: VisualHulls, frame: int | np.integer, voxel: int) -> int:

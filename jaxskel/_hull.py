@@ -3,7 +3,6 @@
 import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy import ndimage
 
 from ._grid import VoxelGrid
 
@@ -45,16 +44,3 @@ def hulls_from_dense(occupancy: Bool[np.ndarray, "frames x y z"], grid: VoxelGri
     """Store dense occupancy, one volume a frame, as `VisualHulls`."""
     voxels = np.argwhere(occupancy.any(0)).astype(np.int32)
     return VisualHulls(voxels, occupancy[:, voxels[:, 0], voxels[:, 1], voxels[:, 2]], grid)
-
-
-def label_bodies(voxels: Int[np.ndarray, "n 3"]) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " bodies"]]:
-    """Label what is connected over faces, edges or corners, from 1, and count the voxels of each body."""
-    if len(voxels) == 0:
-        return np.zeros(0, int), np.zeros(0, int)
-    low = voxels.min(0)
-    box = np.zeros(voxels.max(0) - low + 1, bool)
-    where = tuple((voxels - low).T)
-    box[where] = True
-    labels = np.zeros(box.shape, np.int32)
-    ndimage.label(box, np.ones((3, 3, 3)), output=labels)
-    return labels[where], np.bincount(labels[where])[1:]

@@ -11,10 +11,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
-from scipy.optimize import linear_sum_assignment
 
 from ._descriptors import MAX_ENDS, EndNodes, template_ends
 from ._dtw import dtw
+from ._kept import kept
 from ._skeleton import Skeleton
 
 
@@ -36,11 +36,11 @@ class Matcher(Protocol):
         ...
 
 
-@jax.jit
+@kept
 def cost_matrices(
-    distances: Float[Array, "frames ends ends"],
-    count: Int[Array, " frames"],
-    template: Float[Array, "labels=5 labels=5"],
+    distances: Float[Array | np.ndarray, "frames ends ends"],
+    count: Int[Array | np.ndarray, " frames"],
+    template: Float[Array | np.ndarray, "labels=5 labels=5"],
 ) -> Float[Array, "frames ends labels=5"]:
     """C (Eq. 4): DTW cost of every row of D with every row of D', infinite in the padding.
 
@@ -62,6 +62,10 @@ class DtwMatcher(eqx.Module):
 
     def match(self, ends: EndNodes, skeleton: Skeleton) -> Matches:
         """Label the end nodes of a batch of graphs."""
+        from scipy.optimize import (
+            linear_sum_assignment,  # takes a tenth of a second, and the exact matcher has no use for it
+        )
+
         template = template_ends(skeleton)
         costs = np.asarray(cost_matrices(ends.distances, ends.count, template))
         labels = np.full((len(costs), 5), -1, np.int64)
@@ -107,7 +111,7 @@ def _candidates() -> Int[np.ndarray, "candidates labels=5"]:
 _CANDIDATES = _candidates()
 
 
-@jax.jit
+@kept
 def _best_candidate(distances, count, template, candidates) -> Int[Array, " frames"]:
     def one(d, n):
         # The hands' and feet's rows of D' are alike, so the sum falls apart into few distinct terms.

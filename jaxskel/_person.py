@@ -3,8 +3,6 @@
 import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy import ndimage
-from scipy.spatial import KDTree
 
 from ._carve import ProjectionTable
 from ._hull import VisualHulls
@@ -28,7 +26,13 @@ class People(eqx.Module):
 
 def observed_edge(observed: Bool[np.ndarray, "x y z"]) -> Bool[np.ndarray, "x y z"]:
     """Observed voxels with an unobserved neighbour, the outside of the grid included."""
-    return observed & ~np.asarray(ndimage.binary_erosion(observed, border_value=0), bool)
+    padded = np.pad(observed, 1)
+    core = slice(1, -1)
+    inner = np.ones_like(observed)
+    for axis in range(3):
+        for side in (slice(None, -2), slice(2, None)):
+            inner &= padded[(*(core,) * axis, side, *(core,) * (2 - axis))]
+    return observed & ~inner
 
 
 def find_people(hulls: VisualHulls, edge: Bool[np.ndarray, "x y z"], gap: float = 0.0) -> People:
@@ -64,6 +68,8 @@ def _joined(
     voxels: Int[np.ndarray, "n 3"], body: Int[np.ndarray, " n"], largest: int | np.integer, gap: float
 ) -> Int[np.ndarray, " parts"]:
     """The largest body and those no farther from it than a gap (voxels)."""
+    from scipy.spatial import KDTree  # takes a tenth of a second, and good masks have no use for it
+
     others = np.flatnonzero(body != largest)
     near, _ = KDTree(voxels[body == largest]).query(voxels[others], distance_upper_bound=gap)
     return np.append(largest, np.unique(body[others[np.isfinite(near)]]))

@@ -6,7 +6,8 @@ from jaxtyping import Bool, Float, UInt8
 from ._camera import Cameras, rays
 from ._carve import carve, projection_table
 from ._grid import VoxelGrid, make_grid
-from ._hull import label_bodies
+from ._runs import bodies_among
+from ._silhouettes import Silhouettes
 from ._views import MIN_VIEWS, silhouette_centroids
 
 _COARSE = 3  # coarse voxels are this many times larger
@@ -20,7 +21,7 @@ _LEAST_VOLUME = 0.004  # smaller lumps are noise, not people (m^3)
 
 def place_grid(
     cameras: Cameras,
-    silhouettes: UInt8[np.ndarray, "frames cams h w8"],
+    silhouettes: Silhouettes,
     lost: Bool[np.ndarray, "frames cams"],
     spacing: float,
     min_views: int,
@@ -52,8 +53,8 @@ def place_grid(
     coarse = make_grid(middles.min(0) - _REACH, middles.max(0) + _REACH, min(_COARSE * spacing, _COARSEST))
     height, width = silhouettes.shape[2], 8 * silhouettes.shape[3]
     hulls = carve(silhouettes, projection_table(cameras, coarse, height, width, min_views), lost, max_misses)
-    labels, sizes = label_bodies(hulls.voxels)
-    voxels = hulls.voxels[sizes[labels - 1] * coarse.spacing**3 >= _LEAST_VOLUME] if len(sizes) else hulls.voxels
+    bodies = bodies_among(hulls.voxels, coarse)
+    voxels = hulls.voxels[bodies.sizes[bodies.voxels_of(0)] * coarse.spacing**3 >= _LEAST_VOLUME]
     if len(voxels) == 0:
         return None
     origin = np.asarray(coarse.origin)

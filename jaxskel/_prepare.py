@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import UInt8
 
 from ._body import make_body
 from ._calibrate import calibrate
@@ -17,6 +16,7 @@ from ._placement import place_grid
 from ._prepared import Prepared
 from ._recording import Recording, rotation_to_z_up
 from ._settings import Settings
+from ._silhouettes import Silhouettes
 from ._skeleton import default_adult
 from ._starts import graphless_poses, start_poses
 from ._stature import estimate_stature
@@ -63,15 +63,14 @@ def prepare(recording: Recording, settings: Settings) -> Prepared:
     return _with_subject(prepared, cameras, silhouettes, settings)
 
 
-def _with_subject(
-    prepared: Prepared, cameras: Cameras, silhouettes: UInt8[np.ndarray, "frames cams h w8"], settings: Settings
-) -> Prepared:
+def _with_subject(prepared: Prepared, cameras: Cameras, recorded: Silhouettes, settings: Settings) -> Prepared:
     calibrating = settings.search is not None and settings.body is None
     if prepared.table is None or (prepared.skeleton_is_known and not calibrating):
         return prepared
-    chosen = np.unique(np.linspace(0, len(silhouettes) - 1, _SUBJECT_FRAMES).astype(int))
+    chosen = np.unique(np.linspace(0, len(recorded) - 1, _SUBJECT_FRAMES).astype(int))
     assert len(chosen) <= FRAMES_PER_WORD
-    seen = see_people(silhouettes[chosen], cameras, prepared, settings)
+    silhouettes = recorded[chosen]
+    seen = see_people(silhouettes, cameras, prepared, settings)
     if not prepared.skeleton_is_known:
         stature = estimate_stature(seen.graphs)
         if stature is not None and _STATURES[0] < stature < _STATURES[1]:
@@ -82,8 +81,8 @@ def _with_subject(
     if not calibrating or len(seen.frames) < _LEAST_FRAMES or seen.hulls is None:
         return prepared
     limbs, facing, _ = labelled_limbs(seen.graphs, prepared.skeleton, settings)
-    middles = middles_of_people(seen, silhouettes[chosen], cameras)
-    observed = observed_volume(limbs, seen, silhouettes[chosen], cameras, middles, prepared.max_misses)
+    middles = middles_of_people(seen, silhouettes, cameras)
+    observed = observed_volume(limbs, seen, silhouettes, cameras, middles, prepared.max_misses)
     starts, fallback = start_poses(limbs, facing, prepared.skeleton), graphless_poses(middles, prepared.skeleton)
     found = calibrate(prepared.body, starts, fallback, observed, settings.search)
     return replace(prepared, body=found.body, costs=found.costs)

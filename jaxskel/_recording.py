@@ -5,6 +5,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
 from ._camera import Cameras
+from ._silhouettes import Silhouettes
 from ._skeleton import Skeleton
 
 UP_AXES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
@@ -23,8 +24,8 @@ class Recording(eqx.Module):
     """Silhouettes of one person, all views at once, in the world of the cameras."""
 
     cameras: Cameras
-    silhouettes: UInt8[np.ndarray, "frames cams h w8"]
-    """Packed bits, as `numpy.packbits` over the width gives them: 1 = person."""
+    silhouettes: Silhouettes
+    """Packed bits, as `numpy.packbits` over the width gives them: 1 = person. In memory, or read frame by frame."""
     fps: float
     """Frames per second of these frames."""
     up: str

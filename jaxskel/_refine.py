@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int
 
+from ._kept import kept
 from ._skeleton import Pose, Skeleton
 from .parametrisations import Parametrisation
 from .terms import Objective, Observed, place
@@ -75,7 +76,7 @@ def refine_frame(
     return Refined(pose, body.joints, body.tips, costs, converged[-1] & finite, finite, steps[-1])
 
 
-@eqx.filter_jit
+@kept
 def refine_frames(
     objective: Objective,
     parametrisation: Parametrisation,

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Int
 
 from ._cells import connected
+from ._grid import VoxelGrid
 from ._hull import VisualHulls
 
 # Columns beside, of each pair of opposite ones one.
@@ -57,6 +58,11 @@ def find_bodies(hulls: VisualHulls) -> Bodies:
     number[order] = np.arange(len(order))
     body = number[body]
     return Bodies(frame, length, body, frame[first_run[order]], np.bincount(body, length, len(order)).astype(int))
+
+
+def bodies_among(voxels: Int[np.ndarray, "n 3"], grid: VoxelGrid) -> Bodies:
+    """What is connected among some voxels of a grid, which come in its order."""
+    return find_bodies(VisualHulls(voxels, np.ones((1, len(voxels)), bool), grid))
 
 
 def _runs(hulls: VisualHulls) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -14,6 +14,7 @@ from jaxtyping import Array, Int
 from ._body import BALL_NAMES, LINKS, Body, limb_capsules, place_joints
 from ._fits import fit_pool, fit_scales, in_chunks
 from ._hypotheses import Hypotheses, Pool, pool_of, promising
+from ._kept import kept
 from ._limb_search import Limb, best_pairs, best_single, score_limb, unexplained, with_limb
 from ._limb_table import arm_table, leg_table
 from ._skeleton import SEGMENT_NAMES, Pose, Skeleton
@@ -207,7 +208,7 @@ def _proposed(pool: Pool, propose: _Propose) -> Pool:
     return pool_of(in_chunks(propose, pool), pool.frame)
 
 
-@eqx.filter_jit
+@kept
 def _with_pairs(
     model: Model, poses: Pose, frames: Int[Array, " n"], stack: Observed, names: tuple[str, str], count: int
 ) -> Pose:
@@ -224,7 +225,7 @@ def _with_pairs(
     return jax.vmap(one)(poses, frames)
 
 
-@eqx.filter_jit
+@kept
 def _with_single(model: Model, poses: Pose, frames: Int[Array, " n"], stack: Observed, name: str, count: int) -> Pose:
     """Free one limb of each pose and give it its best poses (axes ``n count``)."""
 

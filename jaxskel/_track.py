@@ -9,6 +9,7 @@ from jaxtyping import Array, Float, Int
 from ._body import place_joints
 from ._fits import fit_hypothesis, fit_scales
 from ._hypotheses import Hypotheses, Pool, pool_of
+from ._kept import kept
 from ._skeleton import Pose
 from ._solve import Model, Search, dear, solve_frames
 from ._stacks import on_device, single_precision, taken
@@ -166,7 +167,7 @@ def cheapest_path(
     return path
 
 
-@eqx.filter_jit
+@kept
 def _follow(
     model: Model,
     margin: Float[Array, ""],

@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
 from ._camera import Cameras
+from ._silhouettes import AbstractSilhouettes, Silhouettes
 
 # A person covers at least this share of an image; less is noise.
 _LEAST_SHARE = 5e-4
@@ -13,8 +14,10 @@ _LEAST_OF_MEDIAN = 0.05
 MIN_VIEWS = 3
 
 
-def silhouette_areas(silhouettes: UInt8[np.ndarray, "frames cams h w8"]) -> Int[np.ndarray, "frames cams"]:
+def silhouette_areas(silhouettes: Silhouettes) -> Int[np.ndarray, "frames cams"]:
     """Number of person pixels in every view."""
+    if isinstance(silhouettes, AbstractSilhouettes):
+        return np.concatenate([silhouette_areas(batch) for batch in silhouettes.batches()])
     return np.bitwise_count(silhouettes).sum((2, 3), dtype=np.int64)
 
 
@@ -32,9 +35,9 @@ def silhouette_centroids(
     silhouettes: UInt8[np.ndarray, "frames cams h w8"],
 ) -> Float[np.ndarray, "frames cams 2"]:
     """Centroid (u, v) of every silhouette (px), to four pixels in u; NaN in a black view."""
-    counts = np.bitwise_count(silhouettes).astype(np.int64)
-    rows, columns = counts.sum(3), counts.sum(2)
-    area = rows.sum(2)
+    counts = np.bitwise_count(silhouettes)
+    rows, columns = counts.sum(3, dtype=np.uint16), counts.sum(2, dtype=np.uint16)
+    area = rows.sum(2, dtype=np.int64)
     with np.errstate(invalid="ignore"):
         u = (columns * (8 * np.arange(columns.shape[2]) + 3.5)).sum(2) / np.where(area > 0, area, np.nan)
         v = (rows * np.arange(rows.shape[2])).sum(2) / np.where(area > 0, area, np.nan)

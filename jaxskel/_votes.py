@@ -17,6 +17,7 @@ from ._grid import make_grid
 from ._hull import VisualHulls
 from ._placement import body_middles
 from ._recording import unpack_silhouettes
+from ._silhouettes import Silhouettes
 from ._views import MIN_VIEWS
 
 _MAX_FRAMES = 24
@@ -37,7 +38,7 @@ def most_misses(views: int) -> int:
 
 def judge_misses(
     cameras: Cameras,
-    silhouettes: UInt8[np.ndarray, "frames cams h w8"],
+    silhouettes: Silhouettes,
     lost: Bool[np.ndarray, "frames cams"],
     min_views: int,
     box: Float[np.ndarray, "2 3"] | None = None,

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from jaxskel import VisualHulls, VoxelGrid
-from jaxskel._hull import hulls_from_dense, label_bodies
-from jaxskel._runs import find_bodies, kept
+from jaxskel._hull import hulls_from_dense
+from jaxskel._runs import bodies_among, find_bodies, kept
 
 
 def hulls(occupancy: np.ndarray) -> VisualHulls:
@@ -19,7 +20,10 @@ def test_bodies_are_those_of_single_voxels(share, shape):
     bodies = find_bodies(made)
     assert bodies.sizes.sum() == made.inside.sum()
     for frame in range(5):
-        labels, sizes = label_bodies(made.voxels[made.inside[frame]])
+        voxels = made.voxels[made.inside[frame]]
+        labels = np.asarray(ndimage.label(made.dense(frame), np.ones((3, 3, 3)))[0])[tuple(voxels.T)]
+        sizes = np.bincount(labels)[1:]
+        np.testing.assert_array_equal(bodies_among(voxels, made.grid).voxels_of(0), labels - 1)
         own = np.flatnonzero(bodies.frame_of_body == frame)
         np.testing.assert_array_equal(bodies.sizes[own], sizes)
         np.testing.assert_array_equal(bodies.voxels_of(frame), own[labels - 1])

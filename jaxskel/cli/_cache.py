@@ -2,11 +2,12 @@
 
 import hashlib
 import os
-import platform
 from pathlib import Path
 
 import jax
 from platformdirs import user_cache_path
+
+from .._kept import processor
 
 
 def keep_compiled() -> None:
@@ -25,10 +26,5 @@ def keep_compiled() -> None:
 
 def compiled_folder() -> Path:
     """The user's cache folder, one part for each kind of processor: a cluster's nodes may share it and still differ."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-        processor = next(line for line in lines if line.startswith(("flags", "Features")))
-    except (OSError, StopIteration):
-        processor = platform.processor()
-    kind = hashlib.sha256(f"{platform.machine()} {processor}".encode()).hexdigest()[:12]
+    kind = hashlib.sha256(processor().encode()).hexdigest()[:12]
     return user_cache_path("jaxskel") / "compiled" / kind

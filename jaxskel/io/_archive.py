@@ -8,7 +8,7 @@ import math
 import os
 import zipfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import IO
 
@@ -73,25 +73,10 @@ def short(array: np.ndarray) -> str:
 
 def read_arrays(path: Path, required: tuple[str, ...], optional: tuple[str, ...]) -> dict[str, np.ndarray]:
     """Read the named arrays of an `.npz` archive, checking what they claim against what is there."""
-    try:
-        archive = zipfile.ZipFile(path)
-    except OSError as error:
-        raise fault(path, None, f"cannot be opened ({error.strerror or error}); check the path") from None
-    except Exception:  # zipfile raises a dozen kinds on hostile bytes
-        raise fault(
-            path,
-            None,
-            "is not a whole .npz archive but truncated or another format; write numpy.savez_compressed",
-        ) from None
-    with archive:
-        members = {i.filename[:-4]: i for i in archive.infolist() if i.filename.endswith(".npy")}
-        for key in required:
-            if key not in members:
-                raise fault(path, key, f"is missing; the file holds {', '.join(members) or 'no arrays'}")
-        wanted = {key: members[key] for key in (*required, *optional) if key in members}
-        on_disk = path.stat().st_size
+    with _opened(path) as archive:
+        wanted = _members(path, archive, required, optional)
         for key, info in wanted.items():
-            _check_claims(path, key, archive, info, on_disk)
+            _header(path, key, archive, info)
         if sum(info.file_size for info in wanted.values()) > _MAX_BYTES:
             raise fault(path, required[0], f"the arrays need more than {_MAX_BYTES >> 30} GiB; split the recording")
         arrays = {}
@@ -100,15 +85,79 @@ def read_arrays(path: Path, required: tuple[str, ...], optional: tuple[str, ...]
                 with archive.open(info) as stream:
                     arrays[key] = np.load(stream, allow_pickle=False)
             except Exception as error:  # checksum, deflate stream, memory, ...
-                raise fault(path, key, f"is damaged ({type(error).__name__}: {error}); write it again") from None
+                raise _damaged(path, key, error) from None
         return arrays
 
 
-def _check_claims(path: Path, key: str, archive: zipfile.ZipFile, info: zipfile.ZipInfo, on_disk: int) -> None:
+class StoredRows:
+    """An array that stays in its archive, of which some rows at a time are read.
+
+    To go back is to start again from the beginning: compressed bytes only go forwards.
+    """
+
+    def __init__(self, path: Path, key: str):
+        """Check what the array claims against what is there."""
+        self.path, self.key = path, key
+        self._open: ExitStack = ExitStack()
+        self._stream: IO[bytes] | None = None
+        with _opened(path) as archive:
+            self._info = _members(path, archive, (key,), ())[key]
+            self._begin, self.shape, by_columns, self.dtype = _header(path, key, archive, self._info)
+        if by_columns and len(self.shape) > 1:
+            raise fault(path, key, "is stored by columns; save numpy.ascontiguousarray of it")
+        self._row = math.prod(self.shape[1:]) * self.dtype.itemsize
+
+    def read(self, start: int, stop: int) -> np.ndarray:
+        """The rows from `start` to before `stop`."""
+        try:
+            if self._stream is None:
+                archive = self._open.enter_context(_opened(self.path))
+                self._stream = self._open.enter_context(archive.open(self._info))
+            self._stream.seek(self._begin + self._row * start)
+            found = self._stream.read(self._row * (stop - start))
+            return np.frombuffer(found, self.dtype).reshape(stop - start, *self.shape[1:])
+        except Exception as error:  # checksum, deflate stream, ...
+            raise _damaged(self.path, self.key, error) from None
+
+    def __del__(self) -> None:
+        self._open.close()
+
+
+def _damaged(path: Path, key: str, error: Exception) -> ValueError:
+    return fault(path, key, f"is damaged ({type(error).__name__}: {error}); write it again")
+
+
+def _opened(path: Path) -> zipfile.ZipFile:
+    try:
+        return zipfile.ZipFile(path)
+    except OSError as error:
+        raise fault(path, None, f"cannot be opened ({error.strerror or error}); check the path") from None
+    except Exception:  # zipfile raises a dozen kinds on hostile bytes
+        raise fault(
+            path,
+            None,
+            "is not a whole .npz archive but truncated or another format; write numpy.savez_compressed",
+        ) from None
+
+
+def _members(
+    path: Path, archive: zipfile.ZipFile, required: tuple[str, ...], optional: tuple[str, ...]
+) -> dict[str, zipfile.ZipInfo]:
+    members = {i.filename[:-4]: i for i in archive.infolist() if i.filename.endswith(".npy")}
+    for key in required:
+        if key not in members:
+            raise fault(path, key, f"is missing; the file holds {', '.join(members) or 'no arrays'}")
+    return {key: members[key] for key in (*required, *optional) if key in members}
+
+
+def _header(
+    path: Path, key: str, archive: zipfile.ZipFile, info: zipfile.ZipInfo
+) -> tuple[int, tuple[int, ...], bool, np.dtype]:
+    """Where an array's numbers begin, its shape, whether it is stored by columns, its type; all of it checked."""
     ratio = {zipfile.ZIP_STORED: 1, zipfile.ZIP_DEFLATED: _MAX_DEFLATE_RATIO}.get(info.compress_type)
     if ratio is None:
         raise fault(path, key, "is compressed in an unknown way; write it with numpy.savez_compressed")
-    if info.compress_size > on_disk or info.file_size > ratio * info.compress_size:
+    if info.compress_size > path.stat().st_size or info.file_size > ratio * info.compress_size:
         raise fault(
             path,
             key,
@@ -119,7 +168,7 @@ def _check_claims(path: Path, key: str, archive: zipfile.ZipFile, info: zipfile.
             version = np.lib.format.read_magic(stream)
             one = version == (1, 0)
             read_header = np.lib.format.read_array_header_1_0 if one else np.lib.format.read_array_header_2_0
-            shape, _, dtype = read_header(stream)
+            shape, by_columns, dtype = read_header(stream)
             begin = stream.tell()
     except Exception as error:  # the header is a Python expression: hostile ones raise anything
         raise fault(path, key, f"is not a NumPy array ({type(error).__name__}); write numpy.savez_compressed") from None
@@ -138,6 +187,7 @@ def _check_claims(path: Path, key: str, archive: zipfile.ZipFile, info: zipfile.
             f"claims shape {shape} of {dtype} but holds {info.file_size - begin} bytes; the file is damaged, "
             "write it again",
         )
+    return begin, shape, by_columns, dtype
 
 
 @contextmanager

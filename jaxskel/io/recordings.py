@@ -3,6 +3,7 @@
 Every fault is a `ValueError` of one line that names file and key and how to mend it.
 """
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +12,16 @@ import numpy as np
 from .._camera import Cameras, make_cameras
 from .._recording import UP_AXES, Recording, Truth
 from .._skeleton import JOINT_NAMES, TIP_NAMES, Skeleton, make_skeleton
-from ._archive import fault, numbers, read_arrays, short, texts, written_whole
+from ._archive import StoredRows, fault, numbers, read_arrays, short, texts, written_whole
+from ._stored import StoredSilhouettes
 
 # A person with arms stretched spans less than this (m); truth in millimetres spans a thousand times more.
 _WIDEST_PERSON = 5.0
+# Half an hour at 30 frames per second does not fit beside what a process needs anyway; a minute does.
+_IN_MEMORY = 256 << 20
 
 
-def read_recording(path: str | Path) -> Recording:
+def read_recording(path: str | Path, in_memory: int = _IN_MEMORY) -> Recording:
     """Read a sequence file.
 
     Keys: `silhouettes` (frames, cams, h, w/8) packed bits or (frames, cams, h, w) masks of 0 and 1 or 255;
@@ -25,24 +29,30 @@ def read_recording(path: str | Path) -> Recording:
     `frame_index`, the subject's `rest_joints` and `rest_tips` (m), the ground truth `joints` and `tips` (m,
     NaN where unknown). Others are ignored.
 
+    Args:
+        path: The file.
+        in_memory: Silhouettes that take more bytes than this, packed, stay in the file and are read when they are
+            asked for.
+
     Raises:
         ValueError: One line that names the file, the key and how to mend it.
     """
     path = Path(path)
+    stored = StoredRows(path, "silhouettes")
     arrays = read_arrays(
         path,
-        required=("silhouettes", "K", "R", "t", "size", "fps"),
+        required=("K", "R", "t", "size", "fps"),
         optional=("up", "dist", "camera_names", "frame_index", "rest_joints", "rest_tips", "joints", "tips",
                   "joint_names", "tip_names"),
     )  # fmt: skip
     check_names(path, arrays, "joint_names", JOINT_NAMES)
     check_names(path, arrays, "tip_names", TIP_NAMES)
     cameras = _cameras(path, arrays)
-    silhouettes = _silhouettes(path, arrays["silhouettes"], cameras)
+    silhouettes = StoredSilhouettes(stored, cameras)
     frames = len(silhouettes)
     return Recording(
         cameras=cameras,
-        silhouettes=silhouettes,
+        silhouettes=silhouettes if math.prod(silhouettes.shape) > in_memory else silhouettes[:],
         fps=frame_rate(path, arrays),
         up=up_axis(path, arrays),
         frame_index=frame_numbers(path, arrays, frames),
@@ -92,42 +102,6 @@ def _cameras(path: Path, arrays: dict[str, np.ndarray]) -> Cameras:
                 raise fault(path, key, str(error)) from None
     assert cameras is not None
     return cameras
-
-
-def _silhouettes(path: Path, masks: np.ndarray, cameras: Cameras) -> np.ndarray:
-    if masks.ndim != 4 or masks.dtype not in (np.uint8, np.bool_):
-        raise fault(path, "silhouettes", f"{masks.dtype} of shape {masks.shape}; give uint8 (frames, cams, h, w/8)")
-    frames, cams, height, across = masks.shape
-    width, tallest = (int(n) for n in cameras.size.max(axis=0))
-    if frames == 0:
-        raise fault(path, "silhouettes", "no frames; record at least one")
-    if cams != len(cameras):
-        raise fault(path, "silhouettes", f"{cams} cameras but K holds {len(cameras)}; give one view a camera")
-    packed_width = -(-width // 8)
-    if height != tallest or across not in (packed_width, width) or (masks.dtype == bool and across != width):
-        raise fault(
-            path,
-            "silhouettes",
-            f"masks of {height} rows by {across} do not fit size {width} x {tallest}; give {tallest} rows by "
-            f"{packed_width} bytes (numpy.packbits over the width) or by {width} pixels",
-        )
-    if across == packed_width and masks.dtype == np.uint8:
-        packed = masks
-    else:
-        if masks.dtype == np.uint8 and ((masks > 1) & (masks < 255)).any():
-            raise fault(path, "silhouettes", "unpacked masks hold values between 1 and 255; threshold them first")
-        packed = np.packbits(masks != 0, axis=-1)
-    for camera, (w, h) in enumerate(cameras.size.tolist()):
-        view = packed[:, camera]
-        split = view[:, :, w // 8] & (0xFF >> w % 8) if w % 8 else view[:, :, :0]
-        if split.any() or view[:, :, -(-w // 8) :].any() or view[:, h:].any():
-            raise fault(
-                path,
-                "silhouettes",
-                f"camera {cameras.names[camera]} has person bits outside of its {w} x {h} image; "
-                "correct size, or pack with numpy.packbits in its usual bit order",
-            )
-    return packed
 
 
 def _skeleton(path: Path, arrays: dict[str, np.ndarray]) -> Skeleton | None:

@@ -1,0 +1,44 @@
+"""Silhouettes that are not in memory: frames are read when they are asked for, so that recordings of any length fit."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from jaxtyping import Int, UInt8
+
+# Frames that are looked at together where all are looked at.
+_AT_ONCE = 32
+
+
+class AbstractSilhouettes(ABC):
+    """Packed bits of frames that lie somewhere else, indexed as an array ``frames cams h w8`` would be."""
+
+    shape: tuple[int, int, int, int]
+    """Frames, cameras, height (px), width (bytes of 8 px)."""
+
+    @abstractmethod
+    def read(self, frames: Int[np.ndarray, " some"]) -> UInt8[np.ndarray, "some cams h w8"]:
+        """Read some frames, in ascending order."""
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def __getitem__(self, index: Any) -> UInt8[np.ndarray, "..."]:
+        """Read the frames of a number, a slice or an array of numbers, which may stand before indices of other axes."""
+        frames, *others = index if isinstance(index, tuple) else (index,)
+        chosen = np.arange(len(self))[frames]
+        found = self.read(np.atleast_1d(chosen))
+        return found[(slice(None) if np.ndim(chosen) else 0, *others)]
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        """All frames, in memory."""
+        return np.asarray(self[:], dtype)
+
+    def batches(self) -> Iterator[UInt8[np.ndarray, "some cams h w8"]]:
+        """All frames, a few at a time."""
+        for start in range(0, len(self), _AT_ONCE):
+            yield self[start : start + _AT_ONCE]
+
+
+Silhouettes = UInt8[np.ndarray, "frames cams h w8"] | AbstractSilhouettes
