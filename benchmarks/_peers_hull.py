@@ -9,7 +9,7 @@ import numpy as np
 from scipy import ndimage
 
 from jaxskel import Cameras, VisualHulls
-from jaxskel._carve import ProjectionTable
+from jaxskel._projection import ProjectionTable
 
 Run = Callable[[], Any]
 _NEIGHBOURS = np.ones((3, 3, 3), bool)

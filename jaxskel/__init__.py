@@ -17,9 +17,7 @@ from ._camera import Cameras as Cameras
 from ._camera import make_cameras as make_cameras
 from ._camera import project as project
 from ._camera import rays as rays
-from ._carve import ProjectionTable as ProjectionTable
 from ._carve import carve as carve
-from ._carve import projection_table as projection_table
 from ._contours import Contours as Contours
 from ._contours import contours as contours
 from ._descriptors import EndNodes as EndNodes
@@ -65,6 +63,8 @@ from ._poses import Status as Status
 from ._poses import join_poses as join_poses
 from ._prepare import prepare as prepare
 from ._prepared import Prepared as Prepared
+from ._projection import ProjectionTable as ProjectionTable
+from ._projection import projection_table as projection_table
 from ._recording import Recording as Recording
 from ._recording import Truth as Truth
 from ._recording import pack_silhouettes as pack_silhouettes

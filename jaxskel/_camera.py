@@ -204,21 +204,6 @@ def in_cameras(cameras: Cameras, points: Float[Array | np.ndarray, "n 3"]) -> tu
     return right, low, depth
 
 
-def lattice_in_cameras(
-    cameras: Cameras, x: Float[np.ndarray, " nx"], y: Float[np.ndarray, " ny"], z: Float[np.ndarray, " nz"]
-) -> tuple[Any, Any, Any]:
-    """`in_cameras` of all points of a lattice, z fastest: the same sums, most of them shared (m, cams x n)."""
-    right, low, depth = (
-        (
-            ((cameras.R[:, row, 0, None] * x)[:, :, None] + (cameras.R[:, row, 1, None] * y)[:, None])[..., None]
-            + (cameras.R[:, row, 2, None] * z)[:, None, None]
-            + cameras.t[:, row, None, None, None]
-        ).reshape(len(cameras), -1)
-        for row in range(3)
-    )
-    return right, low, depth
-
-
 def on_images(cameras: Cameras, right: Any, low: Any, depth: Any) -> tuple[Any, Any]:
     """Where points in the cameras' frames (m, cams x n) are seen, as `project` gives it (px)."""
     xp = depth.__array_namespace__()

@@ -6,80 +6,18 @@ word belongs to frame f: one gather and one AND carve 32 frames. Blocks of voxel
 
 from functools import reduce
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Int, UInt8, UInt32
 
-from ._blocks import find_footprints, pooled, voxels_of
-from ._camera import Cameras, lattice_in_cameras, on_images
-from ._grid import VoxelGrid
+from ._blocks import pooled, voxels_of
 from ._hull import VisualHulls
 from ._kept import kept
+from ._projection import ProjectionTable
 
 FRAMES_PER_WORD = 32
 _ALL = np.uint32(0xFFFFFFFF)
 _AT_ONCE = 1 << 15  # voxels
-_PROJECTED_AT_ONCE = 100_000  # voxels
-
-
-class ProjectionTable(eqx.Module):
-    """Which pixel each voxel centre falls on, for static cameras and a static grid."""
-
-    pixels: Int[Array, "cams voxels"]
-    """Index into the flattened image; one past its end where the camera does not see the voxel."""
-    observed: Bool[Array, " voxels"]
-    """Seen by enough cameras to be told from the background."""
-    grid: VoxelGrid
-    footprints: Int[Array, "cams blocks"]
-    """Where each camera sees each block of voxels, see `find_footprints`."""
-    size: tuple[int, int] = eqx.field(static=True)
-    """Height and width of the stored silhouettes (px)."""
-
-    @property
-    def unseen(self) -> int:
-        """The index of "not seen": the number of pixels of an image."""
-        return self.size[0] * self.size[1]
-
-
-def projection_table(cameras: Cameras, grid: VoxelGrid, height: int, width: int, min_views: int = 2) -> ProjectionTable:
-    """Project every voxel centre of a grid into every camera, in float64.
-
-    A voxel falls on the pixel whose centre is nearest (halves round up). It is not seen by a camera that it lies
-    behind, or whose image it falls outside of.
-
-    Args:
-        cameras: The rig.
-        grid: The voxels.
-        height: Height of the stored silhouettes (px); the images of all cameras fit into it.
-        width: Width of the stored silhouettes (px), a multiple of 8.
-        min_views: A voxel seen by fewer cameras than this is never occupied: nothing bounds it.
-    """
-    pixels = np.full((len(cameras), grid.size), height * width, np.int32)
-    seen_by = np.zeros(grid.size, np.int32)
-    x, y, z = grid.axes()
-    plane = len(y) * len(z)
-    slab = max(1, _PROJECTED_AT_ONCE // plane)
-    # Slab by slab, because all coordinates of a large grid at once would take gigabytes.
-    for start in range(0, len(x), slab):
-        part = x[start : start + slab]
-        out = slice(start * plane, (start + len(part)) * plane)
-        for c in range(len(cameras)):
-            one = cameras[[c]]
-            u, v = (a[0] for a in on_images(one, *lattice_in_cameras(one, part, y, z)))
-            u, v = np.floor(u + 0.5), np.floor(v + 0.5)
-            # NaN, where the camera sees nothing, compares false.
-            seen = (u >= 0) & (v >= 0) & (u < cameras.size[c, 0]) & (v < cameras.size[c, 1])
-            pixels[c, out][seen] = (v[seen] * width + u[seen]).astype(np.int32)
-            seen_by[out] += seen
-    footprints = np.stack([find_footprints(each, grid.shape, height, width) for each in pixels])
-    return ProjectionTable(
-        jnp.asarray(pixels),
-        jnp.asarray(seen_by >= min_views),
-        grid,
-        jnp.asarray(footprints),
-        (height, width),
-    )
 
 
 @kept

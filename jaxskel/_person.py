@@ -4,9 +4,9 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ._carve import ProjectionTable
 from ._hull import VisualHulls
 from ._poses import Status
+from ._projection import ProjectionTable
 from ._runs import find_bodies, kept
 
 _LEAST_PERSON = 0.008  # a smaller hull is no person (m^3)

@@ -4,8 +4,9 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from ._camera import Cameras, rays
-from ._carve import carve, projection_table
+from ._carve import carve
 from ._grid import VoxelGrid, make_grid
+from ._projection import projection_table
 from ._runs import bodies_among
 from ._silhouettes import Silhouettes
 from ._views import MIN_VIEWS, silhouette_centroids

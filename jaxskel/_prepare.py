@@ -8,12 +8,13 @@ import numpy as np
 from ._body import make_body
 from ._calibrate import calibrate
 from ._camera import Cameras
-from ._carve import FRAMES_PER_WORD, projection_table
+from ._carve import FRAMES_PER_WORD
 from ._grid import make_grid
 from ._observe import labelled_limbs, middles_of_people, observed_volume, see_people
 from ._person import observed_edge
 from ._placement import place_grid
 from ._prepared import Prepared
+from ._projection import projection_table
 from ._recording import Recording, rotation_to_z_up
 from ._settings import Settings
 from ._silhouettes import Silhouettes

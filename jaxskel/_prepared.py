@@ -6,7 +6,7 @@ from jaxtyping import Bool, Float
 
 from ._body import Body
 from ._calibrate import Costs
-from ._carve import ProjectionTable
+from ._projection import ProjectionTable
 from ._skeleton import Skeleton
 
 

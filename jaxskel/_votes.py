@@ -12,10 +12,11 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from ._camera import Cameras
-from ._carve import ProjectionTable, carve, projection_table
+from ._carve import carve
 from ._grid import make_grid
 from ._hull import VisualHulls
 from ._placement import body_middles
+from ._projection import ProjectionTable, projection_table
 from ._recording import unpack_silhouettes
 from ._silhouettes import Silhouettes
 from ._views import MIN_VIEWS

@@ -5,9 +5,10 @@ from drawn import chain, film, ring
 from scipy.spatial.transform import Rotation
 
 from jaxskel._camera import make_cameras
-from jaxskel._carve import carve, projection_table
+from jaxskel._carve import carve
 from jaxskel._grid import make_grid
 from jaxskel._hull import hulls_from_dense
+from jaxskel._projection import projection_table
 
 GRID = make_grid(np.array([-0.5, -0.4, 0.6]), np.array([0.5, 0.4, 1.5]), 0.1)
 

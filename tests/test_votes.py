@@ -7,10 +7,11 @@ from drawn import chain, film, ring
 from scenes import with_masks
 
 from jaxskel import pack_silhouettes, unpack_silhouettes
-from jaxskel._carve import carve, projection_table
+from jaxskel._carve import carve
 from jaxskel._grid import VoxelGrid, make_grid
 from jaxskel._hull import VisualHulls
 from jaxskel._person import find_people, observed_edge
+from jaxskel._projection import projection_table
 from jaxskel._views import lost_views, silhouette_areas
 from jaxskel._votes import filled_shares, judge_misses, most_misses, with_min_views
 from jaxskel.synthetic import make_scene
