@@ -36,7 +36,7 @@ from jaxskel import carve, paper_settings, prepare, read_recording, unpack_silho
 from jaxskel._descriptors import describe_ends, template_ends
 from jaxskel._initialise import initial_poses
 from jaxskel._match import cost_matrices
-from jaxskel._observe import labelled_limbs, observed_graph, see_people, skeletal_graphs
+from jaxskel._observe import labelled_limbs, observed_graph, person_graphs, see_people, skeletal_graphs
 from jaxskel._pipeline import BATCH
 from jaxskel._refine import refine_frames
 from jaxskel._stacks import single_precision, taken
@@ -57,9 +57,10 @@ class Bench:
         self.prepared = prepare(self.recording, self.settings)
         self.cameras = self.recording.cameras.rotated(self.prepared.to_z_up)
         self.silhouettes = np.ascontiguousarray(self.recording.silhouettes[:BATCH])
-        seen = see_people(self.silhouettes, self.cameras, self.prepared, self.settings)
+        seen = see_people(self.silhouettes, self.cameras, self.prepared)
         assert seen.hulls is not None, f"{path}: no hull in the first {BATCH} frames"
-        self.hulls, self.graphs = seen.hulls, seen.graphs
+        self.hulls = seen.hulls
+        self.graphs = person_graphs(seen.hulls, self.prepared.skeleton, self.settings)
         self.roots = self.settings.root.roots(self.hulls, self.prepared.skeleton)
 
     def carve(self) -> None:

@@ -48,6 +48,7 @@ from ._match import ExactMatcher as ExactMatcher
 from ._match import Matches as Matches
 from ._match import cost_matrices as cost_matrices
 from ._observe import labelled_limbs as labelled_limbs
+from ._observe import person_graphs as person_graphs
 from ._observe import see_people as see_people
 from ._observe import skeletal_graphs as skeletal_graphs
 from ._parallel import reconstruct_parallel as reconstruct_parallel

@@ -212,10 +212,7 @@ def on_images(cameras: Cameras, right: Any, low: Any, depth: Any) -> tuple[Any, 
     x, y = right / safe, low / safe
     inside = in_front & (x * x + y * y < cameras.max_radius[:, None] ** 2)
     # Outside the one-to-one range the polynomial may overflow; its value there is never used.
-    x, y = xp.where(inside, x, 0.0), xp.where(inside, y, 0.0)
-    # Without distortion, where that is known, the polynomial is left out.
-    straight = isinstance(cameras.dist, np.ndarray) and not cameras.dist.any()
-    xd, yd = (x, y) if straight else _distort(cameras.dist[:, :, None], x, y)
+    xd, yd = _distort(cameras.dist[:, :, None], xp.where(inside, x, 0.0), xp.where(inside, y, 0.0))
     K = cameras.K[:, :, :, None]
     u = K[:, 0, 0] * xd + K[:, 0, 1] * yd + K[:, 0, 2]
     v = K[:, 1, 1] * yd + K[:, 1, 2]

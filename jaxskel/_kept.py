@@ -52,43 +52,45 @@ class Kept(Generic[P, R]):
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
         folder = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
-        arrays, static = eqx.partition((args, kwargs), _is_array)
-        leaves, structure = jax.tree.flatten(arrays)
-        if not folder or not all(_is_here(leaf) for leaf in leaves):
+        if not folder:
             return self._jitted(*args, **kwargs)
-        leaves = [_canonical(leaf) for leaf in leaves]
-        others, rest = jax.tree.flatten(static)
+        leaves, structure = jax.tree.flatten((args, kwargs))
+        numbers = [_is_array(leaf) for leaf in leaves]
+        arrays = [_canonical(leaf) for leaf, number in zip(leaves, numbers, strict=True) if number]
+        if jax.device_count() > 1 or any(isinstance(array, Tracer) for array in arrays):
+            return self._jitted(*args, **kwargs)
         # 1, 1.0 and True are equal, but compile differently.
-        values = tuple((type(value), value) for value in others)
-        key = structure, rest, values, tuple((leaf.shape, leaf.dtype) for leaf in leaves), _switches()
+        rest = tuple((type(leaf), leaf) for leaf, number in zip(leaves, numbers, strict=True) if not number)
+        key = structure, tuple(numbers), rest, tuple((array.shape, array.dtype) for array in arrays), _switches()
         if key not in self._known:
-            self._known[key] = self._prepared(Path(folder), leaves, structure, static)
+            self._known[key] = self._prepared(Path(folder), leaves, structure)
         program = self._known[key]
-        return self._jitted(*args, **kwargs) if program is None else program(leaves)
+        return self._jitted(*args, **kwargs) if program is None else program(arrays)
 
-    def _prepared(self, folder: Path, leaves: list, structure: Any, static: Any) -> Callable[[list[Any]], R] | None:
+    def _prepared(self, folder: Path, leaves: list, structure: Any) -> Callable[[list[Any]], R] | None:
         """The function for arguments like these, from the disk or compiled; None where it cannot be named."""
-        shapes = jax.tree.unflatten(structure, [(leaf.shape, leaf.dtype.str) for leaf in leaves])
+        described = [(leaf.shape, _canonical(leaf).dtype.str) if _is_array(leaf) else leaf for leaf in leaves]
         try:
-            content = _named((self._name, shapes, static, _switches()))
+            content = _named((self._name, jax.tree.unflatten(structure, described), _switches()))
         except (pickle.PicklingError, AttributeError, TypeError):
             return None
         digest = hashlib.sha256(_surroundings() + content).hexdigest()
         path = folder / "jaxskel" / f"{self._name}-{digest[:32]}"
-        return self._read(path, len(leaves)) or self._compile(path, leaves, structure, static)
+        return self._read(path, sum(map(_is_array, leaves))) or self._compile(path, leaves, structure)
 
-    def _compile(self, path: Path, leaves: list, structure: Any, static: Any) -> Callable[[list[Any]], R]:
+    def _compile(self, path: Path, leaves: list, structure: Any) -> Callable[[list[Any]], R]:
         structures = []
 
-        def flat(*leaves: Any) -> list[Any]:
-            args, kwargs = eqx.combine(jax.tree.unflatten(structure, leaves), static)
+        def flat(*arrays: Any) -> list[Any]:
+            given = iter(arrays)
+            args, kwargs = jax.tree.unflatten(structure, [next(given) if _is_array(leaf) else leaf for leaf in leaves])
             found, structure_of_result = jax.tree.flatten(self._function(*args, **kwargs))
             structures.append(structure_of_result)
             return found
 
         # A new name, so that JAX does not hand out what it has kept itself: that cannot be written whole again.
         flat.__name__ = f"{self._name.replace('.', '_')}_{uuid4().hex}"
-        compiled = jax.jit(flat).lower(*leaves).compile()
+        compiled = jax.jit(flat).lower(*(_canonical(leaf) for leaf in leaves if _is_array(leaf))).compile()
         result = structures[-1]
         try:
             program = serialize(compiled)[0]
@@ -131,14 +133,7 @@ def kept(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def _is_array(value: Any) -> bool:
-    return isinstance(value, jax.Array | np.ndarray | np.generic)
-
-
-def _is_here(leaf: Any) -> bool:
-    """Is it an array with numbers, in memory or on the only device?"""
-    if isinstance(leaf, Tracer):
-        return False
-    return not isinstance(leaf, jax.Array) or (leaf.is_fully_addressable and jax.device_count() == 1)
+    return isinstance(value, np.ndarray | jax.Array | np.generic)
 
 
 def _canonical(leaf: Any) -> Any:

@@ -42,6 +42,12 @@ class Limbs(eqx.Module):
         """The labelled end nodes (m)."""
         return self.paths[:, :, -1]
 
+    @classmethod
+    def none(cls, frames: int) -> "Limbs":
+        """No limb was found, because none was looked for."""
+        paths = np.zeros((frames, 5, PATH_POINTS, 3))
+        return cls(paths, paths[:, :, 0, 0], np.zeros((frames, 5), bool), paths[:, 0, 0], paths[:, 0, 0])
+
     def at(self, label: int, distance: float | np.floating) -> Float[np.ndarray, "frames 3"]:
         """The point of a path at some distance from its end node, measured along the graph (m)."""
         length = self.lengths[:, label]

@@ -16,6 +16,7 @@ from ._descriptors import MAX_ENDS, EndNodes, template_ends
 from ._dtw import dtw
 from ._kept import kept
 from ._skeleton import Skeleton
+from ._stacks import filled
 
 
 class Matches(eqx.Module):
@@ -62,13 +63,13 @@ class DtwMatcher(eqx.Module):
 
     def match(self, ends: EndNodes, skeleton: Skeleton) -> Matches:
         """Label the end nodes of a batch of graphs."""
-        from scipy.optimize import (
-            linear_sum_assignment,  # takes a tenth of a second, and the exact matcher has no use for it
-        )
+        # Takes a tenth of a second, and the exact matcher has no use for it.
+        from scipy.optimize import linear_sum_assignment
 
         template = template_ends(skeleton)
-        costs = np.asarray(cost_matrices(ends.distances, ends.count, template))
-        labels = np.full((len(costs), 5), -1, np.int64)
+        distances, count = filled((ends.distances, ends.count))
+        costs = np.asarray(cost_matrices(distances, count, template))
+        labels = np.full((len(ends.count), 5), -1, np.int64)
         for f, n in enumerate(ends.count):
             labels[f, 0] = 0
             rows, columns = linear_sum_assignment(costs[f, 1:n, 1:])
@@ -86,7 +87,8 @@ class ExactMatcher(eqx.Module):
     def match(self, ends: EndNodes, skeleton: Skeleton) -> Matches:
         """Label the end nodes of a batch of graphs."""
         template = template_ends(skeleton)
-        best = np.asarray(_best_candidate(ends.distances, ends.count, template, _CANDIDATES))
+        distances, count = filled((ends.distances, ends.count))
+        best = np.asarray(_best_candidate(distances, count, template, _CANDIDATES))[: len(ends.count)]
         labels = np.where((ends.count >= 5)[:, None], _CANDIDATES[best], -1).astype(np.int64)
         few = np.flatnonzero(ends.count < 5)
         if len(few):  # not all limbs are there: one row at a time, as the paper does

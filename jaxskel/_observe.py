@@ -38,17 +38,16 @@ Stopwatch = Callable[[str], AbstractContextManager[Any]]
 
 
 class Seen(eqx.Module):
-    """The frames of a batch that hold one whole person, and that person's graph."""
+    """The frames of a batch that hold one whole person, and that person's hull."""
 
     status: Int[np.ndarray, " frames"]
     """A `Status` for each frame of the batch; OK where there is a person."""
     frames: Int[np.ndarray, " people"]
-    """The frames with a person, in order; hulls and graphs are of these."""
+    """The frames with a person, in order; hulls are of these."""
     lost: Bool[np.ndarray, "frames cams"]
     """Views that show no person while others do."""
     hulls: VisualHulls | None
     """None where there is nothing to carve."""
-    graphs: list[SkeletalGraph]
 
 
 def skeletal_graphs(
@@ -58,6 +57,11 @@ def skeletal_graphs(
     graphs = prune_all(scoop(hulls, roots), min_branch)
     many = 1 + forest_of(graphs).leaves.sum(1) > MAX_ENDS
     return [limit_ends(graph, MAX_ENDS) if m else graph for graph, m in zip(graphs, many, strict=True)]
+
+
+def person_graphs(hulls: VisualHulls, skeleton: Skeleton, settings: Settings) -> list[SkeletalGraph]:
+    """The graph of the person in each hull, as the settings ask for it."""
+    return skeletal_graphs(hulls, settings.root.roots(hulls, skeleton), settings.min_branch)
 
 
 def labelled_limbs(
@@ -77,10 +81,9 @@ def see_people(
     silhouettes: UInt8[np.ndarray, "frames cams h w8"],
     cameras: Cameras,
     prepared: Prepared,
-    settings: Settings,
     stopwatch: Stopwatch = lambda _: nullcontext(),
 ) -> Seen:
-    """Carve a batch of at most 32 frames, find the person in each and scoop the person's graph.
+    """Carve a batch of at most 32 frames and find the person in each.
 
     `stopwatch` is told of the stages ``carve`` and ``graph``.
     """
@@ -89,7 +92,7 @@ def see_people(
     enough = views >= MIN_VIEWS
     status = np.where(enough, Status.NO_HULL, np.where(views > 0, Status.TOO_FEW_VIEWS, Status.EMPTY))
     if prepared.table is None:
-        return Seen(status, np.zeros(0, int), lost, None, [])
+        return Seen(status, np.zeros(0, int), lost, None)
     with stopwatch("carve"):
         hulls = carve(silhouettes, prepared.table, lost, prepared.max_misses)
     with stopwatch("graph"):
@@ -98,9 +101,7 @@ def see_people(
         cut = ~seen_whole(people.hulls, prepared.table, lost)
         status[(status == Status.OK) & cut] = Status.PARTLY_OUTSIDE
         frames = np.flatnonzero(status == Status.OK)
-        hulls = people.hulls[frames]
-        graphs = skeletal_graphs(hulls, settings.root.roots(hulls, prepared.skeleton), settings.min_branch)
-    return Seen(status, frames, lost, hulls, graphs)
+    return Seen(status, frames, lost, people.hulls[frames])
 
 
 def observed_graph(limbs: Limbs) -> Observed:

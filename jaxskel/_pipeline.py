@@ -1,14 +1,16 @@
 """The whole method: from a recording to poses. The only file that knows the order of the stages."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import nullcontext
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 
 from ._body import Body, place_joints
+from ._camera import Cameras
 from ._carve import FRAMES_PER_WORD
 from ._confidence import joint_confidence, searched_confidence
 from ._descriptors import template_ends
@@ -18,7 +20,16 @@ from ._graph import SkeletalGraph
 from ._hypotheses import Hypotheses
 from ._initialise import initial_poses
 from ._limbs import L_FOOT, R_FOOT, Limbs
-from ._observe import Stopwatch, labelled_limbs, middles_of_people, observed_graph, observed_volume, see_people
+from ._observe import (
+    Seen,
+    Stopwatch,
+    labelled_limbs,
+    middles_of_people,
+    observed_graph,
+    observed_volume,
+    person_graphs,
+    see_people,
+)
 from ._poses import Poses, Status, join_poses
 from ._prepare import prepare
 from ._prepared import Prepared
@@ -26,10 +37,10 @@ from ._recording import Recording
 from ._refine import Refined, refine_frames
 from ._settings import Settings
 from ._skeleton import Pose, Skeleton
-from ._solve import dear, make_model, solve_frames
-from ._stacks import padded, single_precision
+from ._solve import Search, dear, make_model, solve_frames
+from ._stacks import padded, single_precision, taken
 from ._starts import graphless_poses, start_poses
-from ._track import Track, track_frames
+from ._track import Proposed, Track, track_frames
 from .terms import Objective, Observed
 
 BATCH = FRAMES_PER_WORD
@@ -59,51 +70,25 @@ def reconstruct_batch(
     joints, tips = np.full((count, 15, 3), np.nan, np.float32), np.full((count, 5, 3), np.nan, np.float32)
     confidence, sides = np.zeros((count, 15), np.float32), np.full(count, 0.5, np.float32)
     cameras = recording.cameras.rotated(prepared.to_z_up)
-    objective = settings.objective_for(prepared.body)
-    seen = see_people(silhouettes, cameras, prepared, settings, stopwatch)
+    seen = see_people(silhouettes, cameras, prepared, stopwatch)
     status, good = seen.status, seen.frames
     if len(good):
-        with stopwatch("match"):
-            limbs, facing, side_confidence = labelled_limbs(seen.graphs, prepared.skeleton, settings)
+        work = _Work(seen, silhouettes, cameras, prepared, settings, stopwatch)
         if settings.search is None:
-            observed = observed_graph(limbs)
-            plausible = _plausible(seen.graphs, limbs, prepared.skeleton)
-            initial = initial_poses(limbs, facing, prepared.skeleton)
+            start = _by_graph(work)
         else:
-            with stopwatch("search"):
-                middles = middles_of_people(seen, silhouettes, cameras)
-                observed = observed_volume(
-                    limbs, seen, silhouettes, cameras, middles, prepared.max_misses, objective.needs_hull
-                )
-                starts, fallback = (
-                    start_poses(limbs, facing, prepared.skeleton),
-                    graphless_poses(middles, prepared.skeleton),
-                )
-                costs, model = prepared.costs, make_model(prepared.body)
-                search = settings.search.relative_to(None if costs is None else costs.low)
-                if settings.tracking is None:
-                    found = solve_frames(model, search, starts, fallback, observed)
-                else:
-                    found, track = track_frames(
-                        model, search, settings.tracking, recording.fps, track, starts, fallback, observed
-                    )
-                initial = found.best
-                plausible = _unexplained(initial, observed, prepared.body) < _UNEXPLAINED
-                unusual = dear(None if costs is None else costs.typical)
-                trust = searched_confidence(_joints(found, prepared.skeleton), found.cost, unusual)
+            start, track = _by_search(work, settings.search, recording.fps, track)
         with stopwatch("refine"):
-            refined = _refined(initial, observed, prepared, objective, settings)
-        status[good[~plausible]] = Status.NO_MATCH
-        fitted = plausible & refined.finite
-        status[good[plausible & ~refined.finite]] = Status.FAILED
+            refined = _refined(start.poses, start.observed, prepared, work.objective, settings)
+        status[good[~start.plausible]] = Status.NO_MATCH
+        fitted = start.plausible & refined.finite
+        status[good[start.plausible & ~refined.finite]] = Status.FAILED
         status[good[fitted & ~refined.converged]] = Status.NOT_CONVERGED
         done = good[fitted]
         status[done[(status[done] == Status.OK) & seen.lost[done].any(1)]] = Status.VIEW_LOST
-        if settings.search is None:
-            trust = joint_confidence(np.asarray(refined.joints), np.asarray(refined.tips), limbs, prepared.skeleton)
         back = prepared.to_z_up.T.astype(np.float32)
         joints[done], tips[done] = refined.joints[fitted] @ back.T, refined.tips[fitted] @ back.T
-        confidence[done], sides[done] = trust[fitted], side_confidence[fitted]
+        confidence[done], sides[done] = start.confidence(refined)[fitted], start.sides[fitted]
     poses = Poses(joints, tips, confidence, sides, status, recording.fps, recording.up, np.arange(count))
     return poses, track
 
@@ -137,6 +122,92 @@ def reconstruct(recording: Recording, settings: Settings | None = None) -> Poses
         joints and a status that says why; it does not harm the others.
     """
     return join_poses(reconstruct_batches(recording, settings))
+
+
+class _Work(NamedTuple):
+    """A batch with people in it."""
+
+    seen: Seen
+    silhouettes: UInt8[np.ndarray, "frames cams h w8"]
+    cameras: Cameras
+    """In the world with z up."""
+    prepared: Prepared
+    settings: Settings
+    stopwatch: Stopwatch
+
+    @property
+    def objective(self) -> Objective:
+        return self.settings.objective_for(self.prepared.body)
+
+    def labelled(self, people: Int[np.ndarray, " some"]) -> "_Labelled":
+        """The labelled graphs of some of the people."""
+        assert self.seen.hulls is not None
+        with self.stopwatch("graph"):
+            graphs = person_graphs(self.seen.hulls[people], self.prepared.skeleton, self.settings)
+        with self.stopwatch("match"):
+            return _Labelled(graphs, *labelled_limbs(graphs, self.prepared.skeleton, self.settings))
+
+
+class _Labelled(NamedTuple):
+    graphs: list[SkeletalGraph]
+    limbs: Limbs
+    facing: Float[np.ndarray, "frames 3"]
+    sides: Float[np.ndarray, " frames"]
+
+
+class _Start(NamedTuple):
+    """Where the refinement starts, and what is known before it."""
+
+    poses: Pose
+    observed: Observed
+    plausible: Bool[np.ndarray, " frames"]
+    sides: Float[np.ndarray, " frames"]
+    confidence: Callable[[Refined], Float[np.ndarray, "frames joints=15"]]
+
+
+def _by_graph(work: _Work) -> _Start:
+    """The labelled graph gives the pose (Sect. 3.3)."""
+    skeleton = work.prepared.skeleton
+    graphs, limbs, facing, sides = work.labelled(np.arange(len(work.seen.frames)))
+
+    def confidence(refined: Refined) -> Float[np.ndarray, "frames joints=15"]:
+        return joint_confidence(np.asarray(refined.joints), np.asarray(refined.tips), limbs, skeleton)
+
+    poses = initial_poses(limbs, facing, skeleton)
+    return _Start(poses, observed_graph(limbs), _plausible(graphs, limbs, skeleton), sides, confidence)
+
+
+def _by_search(work: _Work, search: Search, fps: float, track: Track | None) -> tuple[_Start, Track | None]:
+    """The graph proposes, the silhouettes decide."""
+    seen, prepared, tracking, objective = work.seen, work.prepared, work.settings.tracking, work.objective
+    people = np.arange(len(seen.frames))
+    # What is tracked needs graphs only where it is searched for, unless they are looked at.
+    labelled = work.labelled(people) if tracking is None or objective.needs_graph else None
+    limbs = Limbs.none(len(people)) if labelled is None else labelled.limbs
+
+    def propose(chosen: Int[np.ndarray, " some"]) -> Proposed:
+        given = work.labelled(chosen)[1:] if labelled is None else taken(labelled[1:], chosen)
+        limbs, facing, sides = given
+        return Proposed(start_poses(limbs, facing, prepared.skeleton), sides)
+
+    with work.stopwatch("observe"):
+        middles = middles_of_people(seen, work.silhouettes, work.cameras)
+        observed = observed_volume(
+            limbs, seen, work.silhouettes, work.cameras, middles, prepared.max_misses, objective.needs_hull
+        )
+    fallback = graphless_poses(middles, prepared.skeleton)
+    costs, model = prepared.costs, make_model(prepared.body)
+    search = search.relative_to(None if costs is None else costs.low)
+    with work.stopwatch("search"):
+        if tracking is None:
+            starts, sides = propose(people)
+            found = solve_frames(model, search, starts, fallback, observed)
+        else:
+            found, sides, track = track_frames(model, search, tracking, fps, track, propose, fallback, observed)
+        plausible = _unexplained(found.best, observed, prepared.body) < _UNEXPLAINED
+        unusual = dear(None if costs is None else costs.typical)
+        trust = searched_confidence(_joints(found, prepared.skeleton), found.cost, unusual)
+    return _Start(found.best, observed, plausible, sides, lambda _: trust), track
 
 
 def _refined(

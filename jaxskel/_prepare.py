@@ -10,7 +10,7 @@ from ._calibrate import calibrate
 from ._camera import Cameras
 from ._carve import FRAMES_PER_WORD
 from ._grid import make_grid
-from ._observe import labelled_limbs, middles_of_people, observed_volume, see_people
+from ._observe import labelled_limbs, middles_of_people, observed_volume, person_graphs, see_people
 from ._person import observed_edge
 from ._placement import place_grid
 from ._prepared import Prepared
@@ -71,17 +71,20 @@ def _with_subject(prepared: Prepared, cameras: Cameras, recorded: Silhouettes, s
     chosen = np.unique(np.linspace(0, len(recorded) - 1, _SUBJECT_FRAMES).astype(int))
     assert len(chosen) <= FRAMES_PER_WORD
     silhouettes = recorded[chosen]
-    seen = see_people(silhouettes, cameras, prepared, settings)
+    seen = see_people(silhouettes, cameras, prepared)
+    if seen.hulls is None or len(seen.frames) == 0:
+        return prepared
+    graphs = person_graphs(seen.hulls, prepared.skeleton, settings)
     if not prepared.skeleton_is_known:
-        stature = estimate_stature(seen.graphs)
+        stature = estimate_stature(graphs)
         if stature is not None and _STATURES[0] < stature < _STATURES[1]:
             skeleton = default_adult(stature)
             prepared = eqx.tree_at(
                 lambda p: (p.skeleton, p.body), prepared, (skeleton, settings.body or make_body(skeleton))
             )
-    if not calibrating or len(seen.frames) < _LEAST_FRAMES or seen.hulls is None:
+    if not calibrating or len(seen.frames) < _LEAST_FRAMES:
         return prepared
-    limbs, facing, _ = labelled_limbs(seen.graphs, prepared.skeleton, settings)
+    limbs, facing, _ = labelled_limbs(graphs, prepared.skeleton, settings)
     middles = middles_of_people(seen, silhouettes, cameras)
     observed = observed_volume(limbs, seen, silhouettes, cameras, middles, prepared.max_misses)
     starts, fallback = start_poses(limbs, facing, prepared.skeleton), graphless_poses(middles, prepared.skeleton)

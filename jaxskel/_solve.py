@@ -122,16 +122,16 @@ def solve_frames(
     Args:
         model: The subject.
         search: How broad and how deep.
-        starts: Poses to start from, with leading axes ``frames starts``.
-        fallback: Poses to start from where these lead to nothing that is cheap, likewise. Where they do not either,
-            what was found is turned to face other ways.
+        starts: Poses to start from, with leading axes ``some starts``.
+        fallback: Poses to start from where these lead to nothing that is cheap, with axes ``frames starts``. Where they
+            do not either, what was found is turned to face other ways.
         observed: Outlines and silhouettes, with a leading axis ``frames``, see `on_device`.
         frames: Of these, the ones to search in; by default all.
 
     Returns:
         Poses of the frames searched in, with axes ``some hypotheses``, the cheapest first.
     """
-    frames = np.arange(len(starts.root)) if frames is None else frames
+    frames = np.arange(len(fallback.root)) if frames is None else frames
     stack = on_device(observed.seen_only())
     most = search.trunks * search.pairs
 
@@ -143,7 +143,7 @@ def solve_frames(
         joints = np.asarray(place_joints(model.skeleton, on_device(best))[0])
         return other_ways(joints[: len(frames)], model.skeleton)
 
-    found = searched(taken(starts, frames), frames)
+    found = searched(starts, frames)
     for more in (lambda frames: taken(fallback, frames), around):
         best = found.cheapest(1)
         doubtful = best.frame[best.cost > search.doubtful]

@@ -33,9 +33,13 @@ def padded(tree: Any, length: int) -> Any:
     return jax.tree.map(pad, single_precision(tree))
 
 
+def filled(tree: Any) -> Any:
+    """A stack filled up to a multiple of `STACK`."""
+    return padded(tree, STACK * -(-len(jax.tree.leaves(tree)[0]) // STACK))
+
+
 def on_device(tree: Any) -> Any:
     """A stack as compiled functions take it: filled up, and where it is already, left alone."""
-    leaves = jax.tree.leaves(tree)
-    if all(isinstance(leaf, jax.Array) and len(leaf) % STACK == 0 for leaf in leaves):
+    if all(isinstance(leaf, jax.Array) and len(leaf) % STACK == 0 for leaf in jax.tree.leaves(tree)):
         return tree
-    return jax.device_put(padded(tree, STACK * -(-len(leaves[0]) // STACK)))
+    return jax.device_put(filled(tree))

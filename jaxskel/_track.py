@@ -1,5 +1,8 @@
 """Poses of consecutive frames: each frame is fitted from the one before, full searches keep the track honest."""
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -45,6 +48,17 @@ class Track(eqx.Module):
     """Frames since the last full search."""
     costs: Float[np.ndarray, " recent"]
     """Of the poses so far, the last ones."""
+    sides: float = 0.5
+    """How sure the last full search was of left and right."""
+
+
+class Proposed(NamedTuple):
+    """Where a search in some frames starts."""
+
+    starts: Pose
+    """Axes ``frames starts``."""
+    sides: Float[np.ndarray, " frames"]
+    """How sure left and right are (0.5..1)."""
 
 
 def track_frames(
@@ -53,10 +67,10 @@ def track_frames(
     tracking: Tracking,
     fps: float,
     track: Track | None,
-    starts: Pose,
+    propose: Callable[[Int[np.ndarray, " some"]], Proposed],
     fallback: Pose,
     observed: Observed,
-) -> tuple[Hypotheses, Track]:
+) -> tuple[Hypotheses, Float[np.ndarray, " frames"], Track]:
     """Poses of up to `TRACKED_FRAMES` consecutive frames.
 
     A full search is made at regular intervals, where the track costs more than is usual for the subject, and where it
@@ -70,12 +84,13 @@ def track_frames(
         tracking: How to follow.
         fps: Frames per second.
         track: Where the person was in the frames before; None where that is not known.
-        starts: As for `solve_frames`.
-        fallback: Likewise.
+        propose: Gives poses to start from for those frames that are searched in.
+        fallback: As for `solve_frames`.
         observed: Outlines and silhouettes, with a leading axis ``frames``.
 
     Returns:
-        Two hypotheses for each frame, the chosen one first, and the track to go on with.
+        Two hypotheses for each frame, the chosen one first; how sure left and right are, by the last search; and the
+        track to go on with.
     """
     count = len(observed.neck)
     every = max(1, round(tracking.interval * fps))
@@ -84,13 +99,15 @@ def track_frames(
     if track is None:
         searched = np.union1d(searched, [0])
     stack = on_device(observed.seen_only())
+    sides = np.full(count, np.nan)
 
     def searched_in(frames: Int[np.ndarray, " some"]) -> Pool:
+        starts, sides[frames] = propose(frames)
         found = solve_frames(model, search, starts, fallback, stack, frames)
         return Pool(frames, found.best, found.cost[:, 0])
 
     # What is not searched for is offered by nobody.
-    offers = pool_of(jax.tree.map(lambda a: a[:, :1], starts), np.arange(count))
+    offers = pool_of(jax.tree.map(lambda a: a[:, :1], fallback), np.arange(count))
     if len(searched):
         offers = offers.joined(searched_in(searched)).cheapest(1)
     costs = np.zeros(0) if track is None else track.costs
@@ -107,7 +124,10 @@ def track_frames(
     if count == 1 and track is not None:
         before = track.last
     costs = np.concatenate([costs, found.cost[:, 0]])[-_RECENT:]
-    return found, Track(last, before, (since + count) % every, costs)
+    # Each frame knows what the last search before it found.
+    latest = np.maximum.accumulate(np.where(np.isnan(sides), -1, np.arange(count)))
+    sides = np.where(latest >= 0, sides[latest], 0.5 if track is None else track.sides)
+    return found, sides, Track(last, before, (since + count) % every, costs, float(sides[-1]))
 
 
 def _best_track(model: Model, tracking: Tracking, track: Track | None, offers: Pool, stack: Observed) -> Hypotheses:

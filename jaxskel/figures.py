@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from ._graph import SkeletalGraph
 from ._hull import VisualHulls
 from ._limbs import Limbs
-from ._observe import labelled_limbs, see_people
+from ._observe import labelled_limbs, person_graphs, see_people
 from ._pipeline import reconstruct_batch
 from ._prepared import Prepared
 from ._recording import Recording, unpack_silhouettes
@@ -34,12 +34,13 @@ class Stages(eqx.Module):
 def stages_of(recording: Recording, prepared: Prepared, settings: Settings, frame: int) -> Stages | None:
     """Run the stages on one frame and keep what each of them made; None where there is no person."""
     silhouettes = recording.silhouettes[frame : frame + 1]
-    seen = see_people(silhouettes, recording.cameras.rotated(prepared.to_z_up), prepared, settings)
-    if seen.hulls is None or not seen.graphs:
+    seen = see_people(silhouettes, recording.cameras.rotated(prepared.to_z_up), prepared)
+    if seen.hulls is None or len(seen.frames) == 0:
         return None
-    limbs, _, _ = labelled_limbs(seen.graphs, prepared.skeleton, settings)
+    graphs = person_graphs(seen.hulls, prepared.skeleton, settings)
+    limbs, _, _ = labelled_limbs(graphs, prepared.skeleton, settings)
     poses, _ = reconstruct_batch(silhouettes, recording, prepared, settings)
-    return Stages(seen.hulls, seen.graphs[0], limbs, poses.joints[0] @ prepared.to_z_up.T)
+    return Stages(seen.hulls, graphs[0], limbs, poses.joints[0] @ prepared.to_z_up.T)
 
 
 def plot_stages(recording: Recording, prepared: Prepared, settings: Settings, frame: int, path: str | Path) -> None:

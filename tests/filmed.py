@@ -6,7 +6,17 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from jaxskel import Pose, Recording, Settings, default_adult, labelled_limbs, make_body, prepare, see_people
+from jaxskel import (
+    Pose,
+    Recording,
+    Settings,
+    default_adult,
+    labelled_limbs,
+    make_body,
+    person_graphs,
+    prepare,
+    see_people,
+)
 from jaxskel._body import place_body, place_joints
 from jaxskel._observe import middles_of_people, observed_volume
 from jaxskel._starts import graphless_poses, start_poses
@@ -43,9 +53,11 @@ def film_body(truth: Pose, fps: float) -> Filmed:
     recording = Recording(cameras, silhouettes, fps, "+Z", np.arange(count), ADULT)
     settings = Settings(search=None, max_misses=0)
     prepared = prepare(recording, settings)
-    seen = see_people(silhouettes, cameras, prepared, settings)
+    seen = see_people(silhouettes, cameras, prepared)
     assert len(seen.frames) == count
-    limbs, facing, _ = labelled_limbs(seen.graphs, ADULT, settings)
+    assert seen.hulls is not None
+    graphs = person_graphs(seen.hulls, ADULT, settings)
+    limbs, facing, _ = labelled_limbs(graphs, ADULT, settings)
     middles = middles_of_people(seen, silhouettes, cameras)
     observed = observed_volume(limbs, seen, silhouettes, cameras, middles, 0)
     return Filmed(truth, joints_of(truth), start_poses(limbs, facing, ADULT), graphless_poses(middles, ADULT), observed)

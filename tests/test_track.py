@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from jaxskel import Pose
 from jaxskel._skeleton import SEGMENT_NAMES
 from jaxskel._solve import Search, make_model
-from jaxskel._track import Track, Tracking, cheapest_path, track_frames
+from jaxskel._track import Proposed, Track, Tracking, cheapest_path, track_frames
 from jaxskel.synthetic import demo_motion
 
 FPS, FRAMES = 24.0, 20
@@ -26,7 +26,11 @@ def filmed() -> Filmed:
 def follow(filmed: Filmed, frames: slice, track: Track | None) -> tuple[np.ndarray, Track]:
     """Errors of the worst joint of each frame (m), and the track."""
     starts, fallback, observed = some((filmed.starts, filmed.fallback, filmed.observed), frames)
-    found, track = track_frames(make_model(BODY), SEARCH, Tracking(), FPS, track, starts, fallback, observed)
+    found, sides, track = track_frames(
+        make_model(BODY), SEARCH, Tracking(), FPS, track,
+        lambda chosen: Proposed(some(starts, chosen), 0.5 + 0.01 * chosen), fallback, observed,
+    )  # fmt: skip
+    assert track.sides == sides[-1]
     assert np.isfinite(found.cost).all()
     return np.linalg.norm(joints_of(found.best) - filmed.joints[frames], axis=-1).max(-1), track
 
@@ -45,6 +49,20 @@ def test_a_walk_is_followed_over_the_edges_of_batches(filmed):
     assert track.since == 2  # searched in frame 0 and, a quarter of a second later, in frame 5
     later, _ = follow(filmed, slice(8, 12), track)
     assert later.max() < 0.08
+
+
+def test_starts_are_asked_for_only_where_it_is_searched_and_tell_the_sides_until_the_next(filmed):
+    asked: list[int] = []
+
+    def propose(chosen: np.ndarray) -> Proposed:
+        asked.extend(chosen.tolist())
+        return Proposed(some(filmed.starts, chosen), 0.6 + 0.01 * chosen)
+
+    given = some((filmed.fallback, filmed.observed), slice(0, 9))
+    track = Track(some(filmed.truth, 0), some(filmed.truth, 0), 2, np.full(30, 3.0), 0.9)
+    _, sides, _ = track_frames(make_model(BODY), SEARCH, Tracking(), FPS, track, propose, *given)
+    assert asked == [3]  # every sixth frame, and two have gone by
+    np.testing.assert_allclose(sides, [0.9] * 3 + [0.63] * 6)
 
 
 def test_wrong_arms_are_right_again_at_the_next_frame(filmed):

@@ -23,12 +23,17 @@ class StageTimes:
         self.first: dict[str, float] = {}
         self.later: dict[str, float] = defaultdict(float)
         self.later_frames = 0
+        self._inner = 0.0
 
     @contextmanager
     def __call__(self, stage: str) -> Iterator[None]:
-        start = time.perf_counter()
+        start, outer = time.perf_counter(), self._inner
+        self._inner = 0.0
         yield
-        self.later[stage] += time.perf_counter() - start
+        elapsed = time.perf_counter() - start
+        # A stage within a stage counts by itself.
+        self.later[stage] += elapsed - self._inner
+        self._inner = outer + elapsed
 
     def end_of_batch(self, frames: int) -> None:
         """Count the frames of a batch; what came before the end of the first one is start-up."""

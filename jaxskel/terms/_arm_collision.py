@@ -28,6 +28,8 @@ class Contacts(eqx.Module):
 class ArmCollision(AbstractTerm):
     """How deep the balls of forearms and hands lie in any capsule that belongs to no arm."""
 
+    needs_graph = False
+
     body: Body
     weight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=1.0)
     share: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.6)

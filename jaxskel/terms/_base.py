@@ -74,6 +74,8 @@ class AbstractTerm(eqx.Module):
 
     needs_hull: ClassVar[bool] = False
     """Whether ``observed.field`` and ``observed.surface`` are looked at, which take time to make."""
+    needs_graph: ClassVar[bool] = True
+    """Whether ``paths``, ``found``, ``neck`` and ``pelvis`` of ``observed`` are; if not, tracking leaves them out."""
 
     weight: eqx.AbstractVar[Float[Array, ""]]
 
@@ -99,6 +101,11 @@ class Objective(eqx.Module):
     def needs_hull(self) -> bool:
         """Whether any of the terms looks at ``observed.field`` or ``observed.surface``."""
         return any(term.needs_hull for term in self.terms.values())
+
+    @property
+    def needs_graph(self) -> bool:
+        """Whether any of the terms looks at the labelled graph."""
+        return any(term.needs_graph for term in self.terms.values())
 
     def correspond(self, body: PlacedBody, observed: Observed) -> dict[str, PyTree]:
         """Look up the correspondences of all terms."""

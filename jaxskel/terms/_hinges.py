@@ -18,6 +18,8 @@ _UPPER_JOINT, _HINGE_JOINT = (np.array(a, np.int32) for a in ((3, 6, 9, 12), (4,
 class HingeLimits(AbstractTerm):
     """Flexion of elbows and knees stays between limits, and they do not bend to the side."""
 
+    needs_graph = False
+
     skeleton: Skeleton
     weight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=1.0)
     straight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.05)

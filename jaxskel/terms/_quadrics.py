@@ -59,6 +59,8 @@ class CapsuleTerm(AbstractTerm):
     It says so by `quadrics`; residuals follow from them, and so does a step of Gauss-Newton, with less work.
     """
 
+    needs_graph = False
+
     body: eqx.AbstractVar[Body]
 
     def quadrics(self, body: PlacedBody, observed: Observed) -> Quadrics:

@@ -24,6 +24,8 @@ _SEEN_AS_GRAPH = firmness(chest=1.0, head=0.5, clavicle=3.0, thigh=0.2, shank=0.
 class RestPrior(AbstractTerm):
     """Relative rotation of each segment to its parent segment minus the identity."""
 
+    needs_graph = False
+
     weight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=1.0)
     firmness: Float[Array, "segments=16"] = eqx.field(converter=jnp.asarray, default_factory=_SEEN_AS_GRAPH.copy)
     """Weight of each segment but the pelvis, see [`firmness`][]."""
