@@ -5,7 +5,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, UInt8
 
 from ._camera import Cameras, rays
-from ._recording import unpack_silhouettes
+from ._views import person_box, unpacked_box
 
 RAYS = 3600
 """Rays of a frame, by default: about a third of an outline's pixels in ten views of 640 x 480."""
@@ -66,18 +66,18 @@ def contours(
 def _rays(packed: UInt8[np.ndarray, "h w8"], cameras: Cameras, camera: int) -> Float[np.ndarray, "n 3"]:
     """Directions of all points of an outline that the lens shows one-to-one."""
     width, height = cameras.size[camera]
-    mask = unpack_silhouettes(packed, 8 * packed.shape[1])[:height, :width]
-    directions = rays(cameras, camera, _outline(mask))
+    directions = rays(cameras, camera, _outline(packed[:height], int(width)))
     return directions[np.isfinite(directions).all(1)]
 
 
-def _outline(mask: Bool[np.ndarray, "h w"]) -> Float[np.ndarray, "n 2"]:
+def _outline(packed: UInt8[np.ndarray, "h w8"], width: int) -> Float[np.ndarray, "n 2"]:
     """Points (u, v) between neighbouring pixels of which one is person, the other background (px)."""
-    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
-    if len(rows) == 0:
+    box = person_box(packed)
+    if box is None:
         return np.zeros((0, 2))
-    top, left = max(rows[0] - 1, 0), max(columns[0] - 1, 0)
-    near = mask[top : rows[-1] + 2, left : columns[-1] + 2]
+    top, bottom, left, right = box
+    top, left = max(top - 1, 0), max(left - 1, 0)
+    near = unpacked_box(packed, top, bottom + 1, left, min(right + 1, width))
     v, u = np.nonzero(near[:, 1:] ^ near[:, :-1])
     beside = np.stack([u + 0.5, v], 1)
     v, u = np.nonzero(near[1:] ^ near[:-1])

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt8
 
 from ._camera import Cameras, in_cameras, lens_slopes, on_images, project
-from ._recording import unpack_silhouettes
+from ._views import person_box, unpacked_box
 
 # Values stand this many to a side of the image at most: finer ones say the same.
 _MOST_CELLS = 320
@@ -141,23 +141,23 @@ def silhouette_distances(
     shape = (frames, views, -(-height // step), -(-width // step))
     values = np.full(shape, -1e3, np.float32)
     for frame, view in zip(*np.nonzero(~lost), strict=True):
-        right, low = cameras.size[view]
-        cells = _signed(unpack_silhouettes(silhouettes[frame, view], width)[:low, :right], step)
+        right, low = cameras.size[view].tolist()
+        cells = _signed(silhouettes[frame, view, :low], right, step)
         values[frame, view, : len(cells), : cells.shape[1]] = cells
     stacked = jax.tree.map(lambda a: np.broadcast_to(a, (frames, *a.shape)), cameras)
     return SilhouetteDistances(values, np.full(frames, step, np.float32), stacked, np.full(frames, misses, np.int32))
 
 
-def _signed(mask: Bool[np.ndarray, "h w"], step: int) -> Float[np.ndarray, "rows columns"]:
-    """Means over cells of the image (px), exact near the person."""
-    height, width = (-(-n // step) for n in mask.shape)
+def _signed(packed: UInt8[np.ndarray, "h w8"], across: int, step: int) -> Float[np.ndarray, "rows columns"]:
+    """Means over cells of an image so many pixels wide (px), exact near the person."""
+    height, width = -(-len(packed) // step), -(-across // step)
     found = np.full((height, width), _FARTHEST, np.float32)
-    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
-    if len(rows) == 0:
+    box = person_box(packed)
+    if box is None:
         return found
-    top, left = (max(line[0] - _FARTHEST, 0) // step for line in (rows, columns))
-    bottom, right = (min((line[-1] + _FARTHEST) // step + 1, n) for line, n in ((rows, height), (columns, width)))
-    near = mask[step * top : step * bottom, step * left : step * right].astype(np.uint8)
+    top, left = (max(first - _FARTHEST, 0) // step for first in (box[0], box[2]))
+    bottom, right = (min((end - 1 + _FARTHEST) // step + 1, n) for end, n in ((box[1], height), (box[3], width)))
+    near = unpacked_box(packed, step * top, step * bottom, step * left, min(step * right, across)).view(np.uint8)
     # A person who is cut off by the edge of the image goes on there, also where the last cell is not whole.
     beyond = step * (bottom - top) - near.shape[0], step * (right - left) - near.shape[1]
     near = cv2.copyMakeBorder(near, 0, beyond[0], 0, beyond[1], cv2.BORDER_REPLICATE)

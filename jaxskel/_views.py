@@ -21,6 +21,24 @@ def silhouette_areas(silhouettes: Silhouettes) -> Int[np.ndarray, "frames cams"]
     return np.bitwise_count(silhouettes).sum((2, 3), dtype=np.int64)
 
 
+def person_box(packed: UInt8[np.ndarray, "h w8"]) -> tuple[int, int, int, int] | None:
+    """First row of a silhouette, row behind its last one, and columns likewise (px); None where all is black."""
+    rows = np.flatnonzero(packed.max(1))
+    if len(rows) == 0:
+        return None
+    columns = np.flatnonzero(np.unpackbits(np.bitwise_or.reduce(packed[rows[0] : rows[-1] + 1], 0)))
+    return int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
+
+
+def unpacked_box(
+    packed: UInt8[np.ndarray, "h w8"], top: int, bottom: int, left: int, right: int
+) -> Bool[np.ndarray, "rows columns"]:
+    """Part of a silhouette: a person covers a tenth of an image, and the rest takes as long to unpack."""
+    first = left // 8
+    bits = np.unpackbits(packed[top:bottom, first : -(-right // 8)], axis=1)
+    return bits[:, left - 8 * first : right - 8 * first].view(bool)
+
+
 def lost_views(areas: Int[np.ndarray, "frames cams"], cameras: Cameras) -> Bool[np.ndarray, "frames cams"]:
     """Views without a person: black ones and those with specks only."""
     floor = _LEAST_SHARE * cameras.size.prod(1)
