@@ -16,6 +16,7 @@ from accuracy import score_against_truth
 from jaxskel import Recording, join_poses, prepare, read_recording, reconstruct_batches
 from jaxskel._parallel import take_core
 from jaxskel._pipeline import BATCH
+from jaxskel.cli._cache import keep_compiled
 
 
 class Throughput(NamedTuple):
@@ -47,6 +48,7 @@ def throughput(path: Path, preset: str, processes: int, seconds: float) -> Throu
 
 def _work(path: Path, preset: str, number: int, seconds: float, barrier: Any, queue: Any) -> None:
     take_core(number)
+    keep_compiled()
     recording = _whole_batches(read_recording(path))
     settings = PRESETS[preset].settings()
     prepared = prepare(recording, settings)
