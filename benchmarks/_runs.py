@@ -13,7 +13,8 @@ from jaxtyping import Bool, Float, Int
 
 import jaxskel
 from jaxskel import Recording, Settings, join_poses, prepare, reconstruct_batches
-from jaxskel.io._archive import read_arrays, written_whole
+from jaxskel._files import written_whole
+from jaxskel.io._archive import read_arrays
 from jaxskel.metrics import Score, score
 
 _NEWS_EVERY = 30.0

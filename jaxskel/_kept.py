@@ -26,6 +26,8 @@ import numpy as np
 from jax.core import Tracer
 from jax.experimental.serialize_executable import deserialize_and_load, serialize
 
+from ._files import written_whole
+
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -97,10 +99,8 @@ class Kept(Generic[P, R]):
             # A tree of numbers has the structure of the result, which cannot be written by itself.
             like = jax.tree.unflatten(result, range(result.num_leaves))
             content = pickle.dumps((program, like))
-            path.parent.mkdir(parents=True, exist_ok=True)
-            unfinished = path.with_name(f"{path.name}.{os.getpid()}.part")
-            unfinished.write_bytes(hashlib.sha256(content).digest() + content)
-            unfinished.replace(path)
+            with written_whole(path) as file:
+                file.write(hashlib.sha256(content).digest() + content)
         except (OSError, ValueError, NotImplementedError) as error:
             warnings.warn(f"{path}: a compiled function could not be kept ({error})", stacklevel=4)
         return lambda leaves: jax.tree.unflatten(result, compiled(*leaves))

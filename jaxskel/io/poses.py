@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from .._files import written_whole
 from .._poses import STATUS_NAMES, WITH_POSE, Poses
 from .._recording import Truth
 from .._skeleton import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES
-from ._archive import fault, numbers, read_arrays, written_whole
+from ._archive import fault, numbers, read_arrays
 from .recordings import check_names, frame_numbers, frame_rate, truth, up_axis
 
 

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from .._camera import Cameras, make_cameras
+from .._files import written_whole
 from .._recording import UP_AXES, Recording, Truth
 from .._skeleton import JOINT_NAMES, TIP_NAMES, Skeleton, make_skeleton
-from ._archive import StoredRows, fault, numbers, read_arrays, short, texts, written_whole
+from ._archive import StoredRows, fault, numbers, read_arrays, short, texts
 from ._stored import StoredSilhouettes
 
 # A person with arms stretched spans less than this (m); truth in millimetres spans a thousand times more.

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from .._files import written_whole
 from .._skeleton import (
     JOINT_NAMES,
     JOINT_PARENTS,
@@ -24,7 +25,7 @@ from .._skeleton import (
     default_adult,
     make_skeleton,
 )
-from ._archive import fault, written_whole
+from ._archive import fault
 
 # The point where each length ends: it begins at the point's parent. Two-sided ones lack their l_ or r_.
 _MIDDLE = {"trunk": "neck", "neck": "head", "head_top": "head_top"}
