@@ -11,9 +11,9 @@ import numpy as np
 from _condition import Condition
 from jaxtyping import Bool, Float, Int
 
-import jaxskel
 from jaxskel import Recording, Settings, join_poses, prepare, reconstruct_batches
 from jaxskel._files import written_whole
+from jaxskel._kept import digest_of_code
 from jaxskel.io._archive import read_arrays
 from jaxskel.metrics import Score, score
 
@@ -21,15 +21,7 @@ _NEWS_EVERY = 30.0
 """Seconds between two lines of progress: short runs stay quiet, a log of a whole night can still be read."""
 
 
-def _digest_of_code() -> str:
-    folder = Path(jaxskel.__file__).parent
-    digest = hashlib.sha256()
-    for path in sorted(folder.rglob("*.py")):
-        digest.update(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes())
-    return digest.hexdigest()[:12]
-
-
-CODE = _digest_of_code()
+CODE = digest_of_code()[:12]
 """Digest of the package's source, taken at once, because it may be edited while a benchmark runs."""
 
 

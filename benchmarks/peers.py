@@ -36,7 +36,7 @@ from jaxskel import carve, paper_settings, prepare, read_recording, unpack_silho
 from jaxskel._descriptors import describe_ends, template_ends
 from jaxskel._initialise import initial_poses
 from jaxskel._match import cost_matrices
-from jaxskel._observe import labelled_limbs, observed_graph, person_graphs, see_people, skeletal_graphs
+from jaxskel._observe import labelled_limbs, observed_graph, see_people, skeletal_graphs
 from jaxskel._pipeline import BATCH
 from jaxskel._refine import refine_frames
 from jaxskel._stacks import single_precision, taken
@@ -60,8 +60,8 @@ class Bench:
         seen = see_people(self.silhouettes, self.cameras, self.prepared)
         assert seen.hulls is not None, f"{path}: no hull in the first {BATCH} frames"
         self.hulls = seen.hulls
-        self.graphs = person_graphs(seen.hulls, self.prepared.skeleton, self.settings)
         self.roots = self.settings.root.roots(self.hulls, self.prepared.skeleton)
+        self.graphs = skeletal_graphs(self.hulls, self.roots, self.settings.min_branch)
 
     def carve(self) -> None:
         """Packed masks to hulls; the others get the masks unpacked."""

@@ -148,16 +148,19 @@ def _switches() -> tuple[Any, ...]:
 @cache
 def _surroundings() -> bytes:
     """What a program depends on beside its arguments: code, versions, processor."""
+    device, flags = jax.devices()[0], os.environ.get("XLA_FLAGS")
+    versions = [version(name) for name in _LIBRARIES]
+    return repr((digest_of_code(), versions, processor(), device.platform, device.device_kind, flags)).encode()
+
+
+@cache
+def digest_of_code() -> str:
+    """Of the source of this package, in hexadecimal digits."""
     folder = Path(__file__).parent
     digest = hashlib.sha256()
     for path in sorted(folder.rglob("*.py")):
         digest.update(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes())
-    versions = [version(name) for name in _LIBRARIES]
-    device = jax.devices()[0]
-    digest.update(
-        repr((versions, processor(), device.platform, device.device_kind, os.environ.get("XLA_FLAGS"))).encode()
-    )
-    return digest.digest()
+    return digest.hexdigest()
 
 
 @cache

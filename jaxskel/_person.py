@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float, Int
 from ._hull import VisualHulls
 from ._poses import Status
 from ._projection import ProjectionTable
-from ._runs import find_bodies, kept
+from ._runs import find_bodies, voxels_of_bodies
 
 _LEAST_PERSON = 0.008  # a smaller hull is no person (m^3)
 _RIVAL_SHARE = 0.3  # a second body has at least this share of the largest one's volume
@@ -57,7 +57,7 @@ def find_people(hulls: VisualHulls, edge: Bool[np.ndarray, "x y z"], gap: float 
             sizes = np.append(bodies.sizes[parts].sum(), bodies.sizes[np.setdiff1d(own, parts)])
         status[f] = _judge(sizes * hulls.grid.spacing**3)
         chosen[parts] = status[f] == Status.OK
-    inside = kept(hulls, bodies, chosen)
+    inside = voxels_of_bodies(hulls, bodies, chosen)
     at_edge = np.flatnonzero(edge[tuple(hulls.voxels.T)])
     outside = inside[:, at_edge].sum(1) >= _EDGE_VOXELS
     status[outside], inside[outside] = Status.PARTLY_OUTSIDE, False

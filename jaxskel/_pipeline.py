@@ -73,13 +73,14 @@ def reconstruct_batch(
     seen = see_people(silhouettes, cameras, prepared, stopwatch)
     status, good = seen.status, seen.frames
     if len(good):
-        work = _Work(seen, silhouettes, cameras, prepared, settings, stopwatch)
+        objective = settings.objective_for(prepared.body)
+        work = _Work(seen, silhouettes, cameras, prepared, settings, objective, stopwatch)
         if settings.search is None:
             start = _by_graph(work)
         else:
             start, track = _by_search(work, settings.search, recording.fps, track)
         with stopwatch("refine"):
-            refined = _refined(start.poses, start.observed, prepared, work.objective, settings)
+            refined = _refined(start.poses, start.observed, prepared, objective, settings)
         status[good[~start.plausible]] = Status.NO_MATCH
         fitted = start.plausible & refined.finite
         status[good[start.plausible & ~refined.finite]] = Status.FAILED
@@ -133,11 +134,8 @@ class _Work(NamedTuple):
     """In the world with z up."""
     prepared: Prepared
     settings: Settings
+    objective: Objective
     stopwatch: Stopwatch
-
-    @property
-    def objective(self) -> Objective:
-        return self.settings.objective_for(self.prepared.body)
 
     def labelled(self, people: Int[np.ndarray, " some"]) -> "_Labelled":
         """The labelled graphs of some of the people."""
@@ -186,8 +184,7 @@ def _by_search(work: _Work, search: Search, fps: float, track: Track | None) -> 
     limbs = Limbs.none(len(people)) if labelled is None else labelled.limbs
 
     def propose(chosen: Int[np.ndarray, " some"]) -> Proposed:
-        given = work.labelled(chosen)[1:] if labelled is None else taken(labelled[1:], chosen)
-        limbs, facing, sides = given
+        limbs, facing, sides = work.labelled(chosen)[1:] if labelled is None else taken(labelled[1:], chosen)
         return Proposed(start_poses(limbs, facing, prepared.skeleton), sides)
 
     with work.stopwatch("observe"):

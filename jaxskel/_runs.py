@@ -77,7 +77,9 @@ def _runs(hulls: VisualHulls) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return *np.divmod(first, max(len(hulls.voxels), 1)), last - first + 1
 
 
-def kept(hulls: VisualHulls, bodies: Bodies, chosen: Bool[np.ndarray, " bodies"]) -> Bool[np.ndarray, "frames voxels"]:
+def voxels_of_bodies(
+    hulls: VisualHulls, bodies: Bodies, chosen: Bool[np.ndarray, " bodies"]
+) -> Bool[np.ndarray, "frames voxels"]:
     """Which voxels belong to the chosen bodies."""
     inside = np.zeros_like(hulls.inside)
     inside[hulls.inside] = np.repeat(chosen[bodies.body], bodies.length)

@@ -6,7 +6,7 @@ from scipy import ndimage
 
 from jaxskel import VisualHulls, VoxelGrid
 from jaxskel._hull import hulls_from_dense
-from jaxskel._runs import bodies_among, find_bodies, kept
+from jaxskel._runs import bodies_among, find_bodies, voxels_of_bodies
 
 
 def hulls(occupancy: np.ndarray) -> VisualHulls:
@@ -44,7 +44,7 @@ def test_kept_are_the_voxels_of_the_chosen_bodies():
     occupancy[0, 1, 1, [0, 1, 4]] = occupancy[1, 1, 1, [1, 2, 6]] = True
     made = hulls(occupancy)
     bodies = find_bodies(made)
-    inside = kept(made, bodies, bodies.sizes > 1)
+    inside = voxels_of_bodies(made, bodies, bodies.sizes > 1)
     assert [made.voxels[row, 2].tolist() for row in inside] == [[0, 1], [1, 2]]
 
 

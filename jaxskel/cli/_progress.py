@@ -103,7 +103,7 @@ def advice(poses: Poses, recording: Recording) -> str | None:
         return None
     worst = Status(max(set(poses.status.tolist()), key=poses.status.tolist().count))
     assert worst not in WITH_POSE
-    share = silhouette_areas(recording.silhouettes[::8]) / recording.cameras.size.prod(1)
+    share = silhouette_areas(recording.silhouettes)[::8] / recording.cameras.size.prod(1)
     if np.median(share) > 0.5:
         return "no pose in any frame: most of every image is person, so the masks seem to be inverted; 1 = person"
     hints = {

@@ -43,14 +43,11 @@ class StoredSilhouettes(AbstractSilhouettes):
         """Read some frames; those that follow each other, together."""
         found = np.empty((len(frames), *self.shape[1:]), np.uint8)
         most = max(1, _CHUNK // int(np.prod(self._rows.shape[1:])))
-        done = 0
-        while done < len(frames):
-            count = 1
-            while done + count < len(frames) and count < most and frames[done + count] == frames[done] + count:
-                count += 1
-            first = int(frames[done])
-            found[done : done + count] = self._packed(self._rows.read(first, first + count), first)
-            done += count
+        for run in np.split(np.arange(len(frames)), np.flatnonzero(np.diff(frames) != 1) + 1):
+            for start in range(0, len(run), most):
+                some = run[start : start + most]
+                first = int(frames[some[0]])
+                found[some] = self._packed(self._rows.read(first, first + len(some)), first)
         return found
 
     def _packed(self, masks: np.ndarray, first: int) -> UInt8[np.ndarray, "some cams h w8"]:
