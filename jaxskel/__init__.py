@@ -8,6 +8,8 @@ from . import metrics as metrics
 from . import parametrisations as parametrisations
 from . import synthetic as synthetic
 from . import terms as terms
+from ._banded import BandedLevenbergMarquardt as BandedLevenbergMarquardt
+from ._banded import sequence_solver as sequence_solver
 from ._body import Body as Body
 from ._body import ball_centres as ball_centres
 from ._body import make_body as make_body
@@ -39,6 +41,8 @@ from ._hull import VisualHulls as VisualHulls
 from ._hull import hulls_from_dense as hulls_from_dense
 from ._hypotheses import Hypotheses as Hypotheses
 from ._initialise import initial_poses as initial_poses
+from ._learn import Learned as Learned
+from ._learn import learn_weights as learn_weights
 from ._levenberg_marquardt import LevenbergMarquardt as LevenbergMarquardt
 from ._levenberg_marquardt import default_solver as default_solver
 from ._limbs import Limbs as Limbs
@@ -71,10 +75,12 @@ from ._recording import Truth as Truth
 from ._recording import pack_silhouettes as pack_silhouettes
 from ._recording import unpack_silhouettes as unpack_silhouettes
 from ._refine import Refined as Refined
+from ._refine import refine_frame as refine_frame
 from ._refine import refine_frames as refine_frames
 from ._reproject import agreement as agreement
 from ._reproject import reproject as reproject
 from ._scoop import scoop as scoop
+from ._sequence import refine_sequence as refine_sequence
 from ._settings import Settings as Settings
 from ._settings import paper_settings as paper_settings
 from ._sides import tell_sides as tell_sides

@@ -48,7 +48,7 @@ def descend(
         gradient = gradient - across @ pull.T.ravel()
     damped = matrix + jnp.diag(_DAMPING + _RELATIVE_DAMPING * jnp.diagonal(matrix))
     unknowns = -jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(damped, lower=True), gradient)
-    return parametrisation.pose(jnp.clip(unknowns, -_REACH, _REACH), pose, skeleton)
+    return parametrisation.moved(jnp.clip(unknowns, -_REACH, _REACH), pose, skeleton)
 
 
 def _by_body(terms: list[CapsuleTerm]) -> list[list[CapsuleTerm]]:

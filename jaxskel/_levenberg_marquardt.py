@@ -51,7 +51,7 @@ class DampedNormalDescent(optx.AbstractDescent):
         return step, optx.RESULTS.where(solved, optx.RESULTS.successful, optx.RESULTS.nonlinear_divergence)
 
 
-def _quiet(**_: Any) -> None:
+def quiet(**_: Any) -> None:
     """Say nothing. A function with a name: solvers go to other processes."""
 
 
@@ -63,7 +63,7 @@ class LevenbergMarquardt(optx.AbstractGaussNewton):
     norm: Callable[[Any], Any] = optx.max_norm
     descent: DampedNormalDescent = DampedNormalDescent()
     search: optx.ClassicalTrustRegion = eqx.field(default_factory=optx.ClassicalTrustRegion)
-    verbose: Callable[..., None] = _quiet
+    verbose: Callable[..., None] = quiet
 
 
 def default_solver() -> optx.AbstractLeastSquaresSolver:

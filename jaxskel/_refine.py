@@ -6,12 +6,15 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optimistix as optx
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
 from ._kept import kept
 from ._skeleton import Pose, Skeleton
 from .parametrisations import Parametrisation
-from .terms import Objective, Observed, place
+from .terms import Objective, Observed
+
+Solver = optx.AbstractLeastSquaresSolver | optx.AbstractMinimiser
 
 # Frames that are solved at once. More of them wait longer for the slowest, and leave the processor's cache.
 _AT_ONCE = 8
@@ -38,7 +41,7 @@ class Refined(eqx.Module):
 def refine_frame(
     objective: Objective,
     parametrisation: Parametrisation,
-    solver: optx.AbstractLeastSquaresSolver,
+    solver: Solver,
     skeleton: Skeleton,
     initial: Pose,
     observed: Observed,
@@ -46,14 +49,18 @@ def refine_frame(
     max_steps: int = 16,
 ) -> Refined:
     """Refine the pose of one frame. See [`refine_frames`][]; the arrays have no frames axis here."""
+    if objective.couplings:
+        raise ValueError(f"{', '.join(objective.couplings)}: couples frames; use refine_sequence, or leave it out")
 
     def residuals(unknowns: Float[Array, " unknowns"], args: Any) -> dict[str, Array]:
         base, fixed = args
-        return objective.residuals(place(skeleton, parametrisation.pose(unknowns, base, skeleton)), observed, fixed)
+        base = parametrisation.moved(unknowns, base, skeleton)
+        found = objective.residuals(parametrisation.placed(base, skeleton), observed, fixed)
+        return found | parametrisation.held(base, skeleton)
 
     # Correspondences are looked up between solves: an argmin inside the residual keeps the solver from converging.
-    def one_round(base: Pose, _: None) -> tuple[Pose, tuple[Array, Array]]:
-        fixed = objective.correspond(place(skeleton, base), observed)
+    def one_round(base: Any, _: None) -> tuple[Any, tuple[Array, Array]]:
+        fixed = objective.correspond(parametrisation.placed(base, skeleton), observed)
         solution = optx.least_squares(
             residuals,
             solver,
@@ -62,17 +69,17 @@ def refine_frame(
             max_steps=max_steps,
             throw=False,
         )
-        pose = parametrisation.pose(solution.value, base, skeleton)
-        return pose, (solution.result == optx.RESULTS.successful, solution.stats["num_steps"])
+        base = parametrisation.settled(parametrisation.moved(solution.value, base, skeleton), skeleton)
+        return base, (solution.result == optx.RESULTS.successful, solution.stats["num_steps"])
 
-    start = jax.tree.map(jnp.asarray, initial)
-    pose, (converged, steps) = jax.lax.scan(one_round, start, None, length=rounds)
-    body = place(skeleton, pose)
-    costs = objective.costs(body, observed)
+    start = parametrisation.begin(jax.tree.map(jnp.asarray, initial), skeleton)
+    base, (converged, steps) = jax.lax.scan(one_round, start, None, length=rounds)
+    costs = objective.costs(parametrisation.placed(base, skeleton), observed)
+    costs |= {name: (rows**2).sum() for name, rows in parametrisation.held(base, skeleton).items()}
     # A solver that meets NaN data stays at its start: the pose is a number then, its costs are not.
-    finite = jnp.isfinite(pose.root).all() & jnp.isfinite(pose.rotations).all() & jnp.isfinite(sum(costs.values()))
-    pose = jax.tree.map(lambda new, old: jnp.where(finite, new, old), pose, start)
-    body = place(skeleton, pose)
+    finite = jnp.isfinite(ravel_pytree((base, list(costs.values())))[0]).all()
+    base = jax.tree.map(lambda new, old: jnp.where(finite, new, old), base, start)
+    body, pose = parametrisation.placed(base, skeleton), parametrisation.pose(base, skeleton)
     return Refined(pose, body.joints, body.tips, costs, converged[-1] & finite, finite, steps[-1])
 
 
@@ -80,7 +87,7 @@ def refine_frame(
 def refine_frames(
     objective: Objective,
     parametrisation: Parametrisation,
-    solver: optx.AbstractLeastSquaresSolver,
+    solver: Solver,
     skeleton: Skeleton,
     initial: Pose,
     observed: Observed,
@@ -92,7 +99,7 @@ def refine_frames(
     Args:
         objective: Weighted terms; any Module with the same methods will do.
         parametrisation: How a pose is written as unknowns.
-        solver: Any Optimistix least squares solver.
+        solver: Any solver of Optimistix for least squares, or any of its minimisers.
         skeleton: Template.
         initial: Poses to start from, with a leading frames axis.
         observed: What was measured, with a leading frames axis.

@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 import equinox as eqx
 import numpy as np
-import optimistix as optx
 from jaxtyping import Float
 
 from ._body import Body
@@ -12,6 +11,7 @@ from ._head import HeadBall, HighestVoxel, RootFinder
 from ._levenberg_marquardt import default_solver
 from ._limbs import HANDLESS_DESCRIPTOR, PAPER_DESCRIPTOR
 from ._match import DtwMatcher, Matcher
+from ._refine import Solver
 from ._solve import Search
 from ._track import Tracking
 from .parametrisations import ExactBones, HingedLimbs, Parametrisation
@@ -45,7 +45,7 @@ class Settings(eqx.Module):
     objective: Objective | Callable[[Body], Objective] = volume_objective
     """What the refinement minimises: an objective, or a function that makes one for the subject's body."""
     parametrisation: Parametrisation = HingedLimbs()
-    solver: optx.AbstractLeastSquaresSolver = eqx.field(default_factory=default_solver)
+    solver: Solver = eqx.field(default_factory=default_solver)
     rounds: int = 2
     max_steps: int = 6
 

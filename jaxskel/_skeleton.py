@@ -69,6 +69,20 @@ def _parts_to() -> Float[np.ndarray, "points=19 parts=18"]:
 
 _PARTS_TO = _parts_to()
 
+_BONE_STARTS = np.array(JOINT_PARENTS[1:], np.int32)
+
+
+def _bones_to() -> Float[np.ndarray, "joints=15 bones=14"]:
+    """Which bones lie on the way from the pelvis to each joint."""
+    ways = np.zeros((len(JOINT_NAMES), len(JOINT_NAMES) - 1), np.float32)
+    for joint in range(1, len(JOINT_NAMES)):
+        ways[joint] = ways[JOINT_PARENTS[joint]]
+        ways[joint, joint - 1] = 1
+    return ways
+
+
+_BONES_TO = _bones_to()
+
 # Exchanges left and right.
 MIRROR_JOINTS = (0, 1, 2, 6, 7, 8, 3, 4, 5, 12, 13, 14, 9, 10, 11)
 MIRROR_TIPS = (0, 2, 1, 4, 3)
@@ -122,6 +136,15 @@ class Skeleton(eqx.Module):
     def scaled(self, factor: float) -> "Skeleton":
         """The same skeleton with every length multiplied by `factor`."""
         return Skeleton(self.rest_joints * factor, self.rest_tips * factor)
+
+
+def stretched(skeleton: Skeleton, factors: Float[Array, "bones=14"]) -> Skeleton:
+    """The skeleton with the bone that ends in each joint but the pelvis so many times as long, and its tip likewise."""
+    rest = jnp.asarray(skeleton.rest_joints)
+    offsets = (rest[1:] - rest[_BONE_STARTS]) * factors[:, None]
+    reach = (jnp.asarray(skeleton.rest_tips) - rest[_TIP_JOINTS]) * factors[_TIP_JOINTS - 1, None]
+    joints = _BONES_TO @ offsets + rest[:1]
+    return Skeleton(joints, joints[_TIP_JOINTS] + reach)
 
 
 class Pose(eqx.Module):

@@ -27,7 +27,7 @@ from jaxskel.terms import place
 ADULT = default_adult()
 # With the number of unknowns.
 ALL = {"exact bones": (ExactBones(), 31), "hinged limbs": (HingedLimbs(), 42)}
-POSES = {name: jax.jit(parametrisation.pose) for name, (parametrisation, _) in ALL.items()}
+POSES = {name: jax.jit(parametrisation.moved) for name, (parametrisation, _) in ALL.items()}
 segments = jax.jit(place_segments)
 every = pytest.mark.parametrize("name", ALL)
 
@@ -114,7 +114,7 @@ def test_the_derivative_is_finite_differences(name, at):
         @jax.jit
         def body(unknowns):
             # The finite differences come as NumPy arrays.
-            return place(skeleton, parametrisation.pose(jnp.asarray(unknowns), base, skeleton))
+            return place(skeleton, parametrisation.moved(jnp.asarray(unknowns), base, skeleton))
 
         spread = 0.0 if at == "base" else 0.7
         unknowns = spread * jnp.asarray(np.random.default_rng(0).normal(size=count))
@@ -129,7 +129,7 @@ def test_nearby_is_the_pose_to_first_order():
     hinged = HingedLimbs()
     with jax.enable_x64(True):
         base, skeleton = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), (free_pose(4), ADULT))
-        nearby, pose = (jax.jit(lambda u, of=of: of(u, base, skeleton)) for of in (hinged.nearby, hinged.pose))
+        nearby, pose = (jax.jit(lambda u, of=of: of(u, base, skeleton)) for of in (hinged.nearby, hinged.moved))
         unknowns = jnp.asarray(np.random.default_rng(2).normal(size=42))
         for at_zero, expected in zip(jax.tree.leaves(nearby(0 * unknowns)), jax.tree.leaves(base), strict=True):
             np.testing.assert_allclose(at_zero, expected, atol=1e-12)
@@ -150,7 +150,7 @@ def test_no_two_unknowns_do_the_same(name):
     parametrisation, count = ALL[name]
 
     def body(unknowns):
-        placed = place(ADULT, parametrisation.pose(unknowns, base, ADULT))
+        placed = place(ADULT, parametrisation.moved(unknowns, base, ADULT))
         return jnp.concatenate([leaf.ravel() for leaf in jax.tree.leaves(placed)])
 
     base = jax.tree.map(jnp.asarray, pose_of(1))

@@ -5,68 +5,23 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from drawn import ideal_graph, pose_of, ring
+from drawn import pose_of
+from observed import ADULT, BODY, HINGED, UNKNOWNS, observe, standing, turned
 from scipy.spatial.transform import Rotation
 
-from jaxskel import Pose, default_adult, hull_volume, hulls_from_dense, make_grid
-from jaxskel._body import make_body, place_body
-from jaxskel._capsules import nearest_capsule
-from jaxskel._contours import contours
+from jaxskel import Pose
 from jaxskel._descend import descend
-from jaxskel._silhouette_distances import silhouette_distances
-from jaxskel._skeleton import SEGMENT_NAMES, SEGMENT_PARENTS
-from jaxskel.parametrisations import HingedLimbs
-from jaxskel.synthetic import render
+from jaxskel._skeleton import SEGMENT_NAMES
 from jaxskel.terms import (
     ArmCollision,
     ContourContact,
     HingeLimits,
     InsideHull,
     InsideSilhouettes,
-    Observed,
     SurfaceCoverage,
     place,
     volume_objective,
 )
-
-ADULT = jax.tree.map(lambda a: np.asarray(a, np.float32), default_adult())
-BODY = jax.tree.map(lambda a: a if a.dtype == np.int32 else np.asarray(a, np.float32), make_body(default_adult()))
-GRID = make_grid(np.array([-0.4, -0.8, -1.1]), np.array([0.4, 0.8, 1.0]), 0.02)
-# Around the origin, where the pelvis is: a pixel is 11 mm wide there.
-CAMERAS = ring(8, (320, 320), 360.0, height=-0.1)
-
-HINGED = HingedLimbs()
-UNKNOWNS = 42
-
-
-def standing() -> Pose:
-    """At ease: knees and elbows a little bent, because dead straight is beyond what the limits allow."""
-    flexions = np.zeros(UNKNOWNS, np.float32)
-    flexions[[17, 23, 27, 31]] = 0.1  # see test_parametrisations
-    rest = Pose(np.zeros(3, np.float32), np.tile(np.eye(3, dtype=np.float32), (17, 1, 1)))
-    return jax.tree.map(np.asarray, HINGED.pose(jnp.asarray(flexions), rest, ADULT))
-
-
-def turned(segment: str, axis: str, degrees: float) -> Pose:
-    """Standing, with one segment and all that hangs on it turned about an axis."""
-    turn = Rotation.from_euler(axis, degrees, degrees=True).as_matrix().astype(np.float32)
-    carried, pose = [name == segment for name in SEGMENT_NAMES], standing()
-    for number, parent in enumerate(SEGMENT_PARENTS[1:], 1):
-        carried[number] |= carried[parent]
-    return Pose(pose.root, np.where(np.array(carried)[:, None, None], turn @ pose.rotations, pose.rotations))
-
-
-def observe(pose: Pose) -> Observed:
-    """What is seen of the body: silhouettes, and for a hull the voxels whose centres lie in it."""
-    ends, radii = place_body(make_body(default_adult()), jax.tree.map(lambda a: a[None], pose))
-    given = (jnp.asarray(a, jnp.float32) for a in (GRID.centres(), ends[0], radii))
-    hulls = hulls_from_dense(np.asarray(jax.jit(nearest_capsule)(*given)[1] < 0).reshape(1, *GRID.shape), GRID)
-    seen, lost = render(CAMERAS, ends, radii), np.zeros((1, len(CAMERAS)), bool)
-    outlines, inside = (
-        jax.tree.map(lambda a: a[0], each(seen, CAMERAS, lost)) for each in (contours, silhouette_distances)
-    )
-    graph = ideal_graph(ADULT, pose)
-    return Observed(graph.paths, graph.found, graph.neck, graph.pelvis, *hull_volume(hulls, 0), outlines, inside)
 
 
 @pytest.fixture(scope="module")
@@ -117,7 +72,7 @@ def test_jacobians_of_terms_are_finite_differences(observed):
             fixed = {name: term.correspond(place(skeleton, base), seen) for name, term in terms.items()}
 
             def residuals(unknowns):
-                body = place(skeleton, HINGED.pose(unknowns, base, skeleton))
+                body = place(skeleton, HINGED.moved(unknowns, base, skeleton))
                 return {name: term.residual(body, seen, fixed[name]) for name, term in terms.items()}
 
             ahead, behind = (residuals(here + sign * 1e-6 * along) for sign in (1, -1))
@@ -140,7 +95,7 @@ def test_silhouettes_alone_recover_poses_and_a_wrong_one_is_dear():
     unknowns = np.stack([0.15 * np.random.default_rng(seed).normal(size=UNKNOWNS) for seed in SEEDS])
     # What carries the feet far (position, pelvis, chest and thighs) by less than the rest.
     unknowns[:, np.r_[0:9, 24:27, 28:31]] *= 0.3
-    start = jax.vmap(lambda u: HINGED.pose(u, jax.tree.map(jnp.asarray, truth), ADULT))(
+    start = jax.vmap(lambda u: HINGED.moved(u, jax.tree.map(jnp.asarray, truth), ADULT))(
         jnp.asarray(unknowns, jnp.float32)
     )
     started = np.asarray(jax.vmap(lambda pose: place(ADULT, pose).joints)(start))

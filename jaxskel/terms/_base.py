@@ -1,5 +1,6 @@
 """What every term sees and gives: the placed body, the observed frame, the weighted objective."""
 
+from collections.abc import Iterable
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -92,24 +93,65 @@ class AbstractTerm(eqx.Module):
         return (self.residual(body, observed, self.correspond(body, observed)) ** 2).sum()
 
 
+class AbstractCoupling(eqx.Module):
+    """A residual that couples a frame with the ones before and after, for `refine_sequence`."""
+
+    weight: eqx.AbstractVar[Float[Array, ""]]
+
+    def residual(self, before: PlacedBody, body: PlacedBody, after: PlacedBody) -> Float[Array, "..."]:
+        """Unweighted residual of one frame that is neither the first nor the last."""
+        raise NotImplementedError
+
+
 class Objective(eqx.Module):
     """A named collection of weighted terms. New weights or data of the same shapes do not compile again."""
 
-    terms: dict[str, AbstractTerm]
+    terms: dict[str, AbstractTerm | AbstractCoupling]
+
+    def plus(self, **terms: AbstractTerm | AbstractCoupling) -> "Objective":
+        """With more terms, or others under the same names."""
+        return Objective(self.terms | terms)
+
+    def without(self, *names: str) -> "Objective":
+        """Without some terms."""
+        self._check(names)
+        return Objective({name: term for name, term in self.terms.items() if name not in names})
+
+    def weighted(self, **weights: Any) -> "Objective":
+        """With other weights of some terms."""
+        self._check(weights)
+        found = {name: jnp.asarray(weight, jnp.result_type(float)) for name, weight in weights.items()}
+        changed = {name: eqx.tree_at(lambda t: t.weight, self.terms[name], found[name]) for name in found}
+        return Objective(self.terms | changed)
+
+    def _check(self, names: Iterable[str]) -> None:
+        for name in names:
+            if name not in self.terms:
+                raise ValueError(f"the objective has no term {name!r}; it has {', '.join(self.terms)}")
+
+    @property
+    def of_frames(self) -> dict[str, AbstractTerm]:
+        """The terms of single frames."""
+        return {name: term for name, term in self.terms.items() if isinstance(term, AbstractTerm)}
+
+    @property
+    def couplings(self) -> dict[str, AbstractCoupling]:
+        """The terms that couple frames."""
+        return {name: term for name, term in self.terms.items() if isinstance(term, AbstractCoupling)}
 
     @property
     def needs_hull(self) -> bool:
         """Whether any of the terms looks at ``observed.field`` or ``observed.surface``."""
-        return any(term.needs_hull for term in self.terms.values())
+        return any(term.needs_hull for term in self.of_frames.values())
 
     @property
     def needs_graph(self) -> bool:
         """Whether any of the terms looks at the labelled graph."""
-        return any(term.needs_graph for term in self.terms.values())
+        return any(term.needs_graph for term in self.of_frames.values())
 
     def correspond(self, body: PlacedBody, observed: Observed) -> dict[str, PyTree]:
         """Look up the correspondences of all terms."""
-        return {name: term.correspond(body, observed) for name, term in self.terms.items()}
+        return {name: term.correspond(body, observed) for name, term in self.of_frames.items()}
 
     def residuals(
         self, body: PlacedBody, observed: Observed, fixed: dict[str, PyTree]
@@ -117,9 +159,16 @@ class Objective(eqx.Module):
         """Weighted residuals of one frame, by name."""
         return {
             name: jnp.sqrt(term.weight) * term.residual(body, observed, fixed[name])
-            for name, term in self.terms.items()
+            for name, term in self.of_frames.items()
         }
 
     def costs(self, body: PlacedBody, observed: Observed) -> dict[str, Float[Array, ""]]:
         """Weighted cost of one frame by each term, by name."""
-        return {name: term.weight * term.cost(body, observed) for name, term in self.terms.items()}
+        return {name: term.weight * term.cost(body, observed) for name, term in self.of_frames.items()}
+
+    def coupled(self, before: PlacedBody, bodies: PlacedBody, after: PlacedBody) -> dict[str, Float[Array, "..."]]:
+        """Weighted residuals between frames, by name; all of them have a leading frames axis."""
+        return {
+            name: jnp.sqrt(term.weight) * jax.vmap(term.residual)(before, bodies, after)
+            for name, term in self.couplings.items()
+        }

@@ -1,87 +1,18 @@
-"""How a pose is written as unknowns of a least squares problem, so that bone lengths hold."""
+"""A chain of joints as a body has them."""
 
-from typing import Protocol, runtime_checkable
-
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ._rotations import exponential, turned
-from ._skeleton import (
-    JOINT_PARENTS,
+from .._rotations import exponential
+from .._skeleton import (
     SEGMENT_NAMES,
-    SEGMENT_OF_JOINT,
-    SEGMENT_OF_PIVOT,
     SEGMENT_PARENTS,
     Pose,
     Skeleton,
     hinge_axes,
 )
-
-# The trunk turns freely, so that its twist can follow hips and shoulders; the twist of another bone moves no joint.
-_FREE = (0, 1)
-_BONES = tuple(range(2, 13))
-# Hands and feet turn with forearms and shanks: the segments whose turn each segment takes.
-_TURNS = (*range(13), *(SEGMENT_PARENTS[s] for s in SEGMENT_OF_PIVOT))
-_JOINT_OF_BONE = tuple(SEGMENT_OF_JOINT.index(s) for s in _BONES)
-
-
-@runtime_checkable
-class Parametrisation(Protocol):
-    """Writes the pose of one frame relative to a base pose; zero unknowns are the base pose itself."""
-
-    def unknowns(self) -> Float[Array, " unknowns"]:
-        """The unknowns of the base pose: zeros."""
-        ...
-
-    def pose(self, unknowns: Float[Array, " unknowns"], base: Pose, skeleton: Skeleton) -> Pose:
-        """The pose that the unknowns stand for."""
-        ...
-
-
-class ExactBones(eqx.Module):
-    """Joint rotations: bone lengths are exactly those of the template.
-
-    31 unknowns: 3 for the position of the pelvis (m), 3 each for the rotation of pelvis and chest, 2 for the
-    direction of each other bone (rad), in the plane across the bone of the base pose. Hands and feet turn with
-    forearms and shanks.
-    """
-
-    def unknowns(self) -> Float[Array, " unknowns"]:
-        """The unknowns of the base pose: zeros."""
-        return jnp.zeros(3 + 3 * len(_FREE) + 2 * len(_BONES))
-
-    def pose(self, unknowns: Float[Array, " unknowns"], base: Pose, skeleton: Skeleton) -> Pose:
-        """The pose that the unknowns stand for."""
-        free = unknowns[3 : 3 + 3 * len(_FREE)].reshape(-1, 3)
-        across = unknowns[3 + 3 * len(_FREE) :].reshape(-1, 2)
-        joint = np.array(_JOINT_OF_BONE)
-        rest = jnp.asarray(skeleton.rest_joints)
-        offsets = rest[joint] - rest[np.array(JOINT_PARENTS)[joint]]
-        rotations = jnp.asarray(base.rotations)
-        bones = (rotations[np.array(_BONES)] * offsets[:, None]).sum(-1)
-        first, second = _perpendicular(bones / jnp.linalg.norm(bones, axis=-1, keepdims=True))
-        turns = jnp.concatenate([free, across[:, :1] * first + across[:, 1:] * second])
-        return Pose(base.root + unknowns[:3], turned(turns[np.array(_TURNS)], rotations))
-
-
-def _product(one: Float[Array, "n 3 3"], other: Float[Array, "n 3 3"]) -> Float[Array, "n 3 3"]:
-    """Matrix products, written out: for matrices this small faster than, and in XLA for CPUs safer than, a dot."""
-    return (one[:, :, :, None] * other[:, None]).sum(2)
-
-
-def _perpendicular(direction: Float[Array, "n 3"]) -> tuple[Float[Array, "n 3"], Float[Array, "n 3"]]:
-    """Two unit vectors across each unit vector (Duff et al. 2017, without the branch)."""
-    x, y, z = direction.T
-    sign = jnp.where(z >= 0, 1.0, -1.0)
-    a = -1.0 / (sign + z)
-    b = x * y * a
-    return (
-        jnp.stack([1.0 + sign * x * x * a, sign * b, -sign * x], -1),
-        jnp.stack([b, sign + y * y * a, -y], -1),
-    )
-
+from ._base import JointRotations, perpendicular
 
 # Shoulder blades and hands do not twist; elbows and knees are hinges; everything else turns freely.
 _ACROSS = np.array([SEGMENT_NAMES.index(n) for n in ("l_clavicle", "r_clavicle", "l_hand", "r_hand")], np.int32)
@@ -119,7 +50,7 @@ _LEVELS = _levels()
 _HANGS_ON = _hangs_on()
 
 
-class HingedLimbs(eqx.Module):
+class HingedLimbs(JointRotations):
     """A chain of joints as a body has them: each segment turns relative to the one that it hangs on.
 
     42 unknowns: 3 for the position of the pelvis (m), then, segment by segment (rad), 3 for pelvis, chest, head, upper
@@ -131,7 +62,7 @@ class HingedLimbs(eqx.Module):
         """The unknowns of the base pose: zeros."""
         return jnp.zeros(3 + int(_COUNTS.sum()))
 
-    def pose(self, unknowns: Float[Array, " unknowns"], base: Pose, skeleton: Skeleton) -> Pose:
+    def moved(self, unknowns: Float[Array, " unknowns"], base: Pose, skeleton: Skeleton) -> Pose:
         """The pose that the unknowns stand for."""
         # What turns a segment turns all that hang on it.
         whole = exponential(self._turns(unknowns, base, skeleton))
@@ -155,8 +86,13 @@ class HingedLimbs(eqx.Module):
         pivots = jnp.asarray(skeleton.pivots)
         bones = jnp.stack([rest[3] - rest[1], rest[6] - rest[1], rest[5] - pivots[0], rest[8] - pivots[1]])
         bones = jnp.einsum("bij,bj->bi", rotations[_ACROSS], bones)
-        first, second = _perpendicular(bones / jnp.linalg.norm(bones, axis=-1, keepdims=True))
+        first, second = perpendicular(bones / jnp.linalg.norm(bones, axis=-1, keepdims=True))
         hinges = jnp.einsum("hij,hj->hi", rotations[_HINGE_PARENTS], axes)
         free, across, flexion = (unknowns[3:][places] for places in (_FREE_AT, _ACROSS_AT, _HINGES_AT))
         turns = jnp.concatenate([free, across[:, :1] * first + across[:, 1:] * second, flexion * hinges])
         return turns[_ORDER]
+
+
+def _product(one: Float[Array, "n 3 3"], other: Float[Array, "n 3 3"]) -> Float[Array, "n 3 3"]:
+    """Matrix products, written out: for matrices this small faster than, and in XLA for CPUs safer than, a dot."""
+    return (one[:, :, :, None] * other[:, None]).sum(2)

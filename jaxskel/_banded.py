@@ -1,0 +1,162 @@
+"""Levenberg-Marquardt for frames that neighbours in time are coupled to: the work grows with their number, no faster.
+
+Residuals of a frame depend on its own unknowns, those of a coupling on three consecutive frames'. So the normal matrix
+is a band of blocks, and a Cholesky factorisation walks along it once.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jaxtyping import Array, Float, PyTree
+
+from ._levenberg_marquardt import quiet
+
+# A coupling looks at a frame, the one before and the one after.
+_REACH = 3
+
+
+class Coupled(eqx.Module):
+    """Residuals of a sequence."""
+
+    frames: PyTree[Float[Array, "frames ..."]]
+    """Of each frame alone."""
+    couplings: PyTree[Float[Array, "couplings ..."]]
+    """Of three consecutive frames; empty with less than three."""
+
+
+class BandedEquations(eqx.Module):
+    """Of one linearised problem: the blocks of ``J^T J`` on and above the diagonal, and ``J^T r``."""
+
+    own: Float[Array, "frames unknowns unknowns"]
+    next: Float[Array, "frames unknowns unknowns"]
+    """Between each frame and the one after it."""
+    second: Float[Array, "frames unknowns unknowns"]
+    """Between each frame and the one after that."""
+    gradient: Float[Array, "frames unknowns"]
+
+
+class BandedNormalDescent(optx.AbstractDescent):
+    """The step ``-(J^T J + I / step size)^-1 J^T r`` for unknowns ``frames x unknowns`` and residuals `Coupled`."""
+
+    def init(self, y: Float[Array, "frames unknowns"], f_info_struct: Any) -> BandedEquations:
+        """Nothing is known yet."""
+        blocks = jnp.zeros((*y.shape, y.shape[1]), y.dtype)
+        return BandedEquations(blocks, blocks, blocks, jnp.zeros_like(y))
+
+    def query(self, y: Float[Array, "frames unknowns"], f_info: Any, state: BandedEquations) -> BandedEquations:
+        """Take in the linearised problem at `y`."""
+        frames, count = y.shape
+        units = jnp.eye(count, dtype=y.dtype)
+        # One unknown of all frames at once: no frame's own residuals see another frame.
+        every = jax.vmap(lambda unit: f_info.jac.mv(jnp.broadcast_to(unit, y.shape)).frames)(units)
+        found = self.init(y, None)
+        own, gradient = found.own, found.gradient
+        for columns, residual in _leaves(every, f_info.residual.frames, frames):
+            own = own + jnp.einsum("ufr,vfr->fuv", columns, columns)
+            gradient = gradient + jnp.einsum("ufr,fr->fu", columns, residual)
+        found = BandedEquations(own, found.next, found.second, gradient)
+        if frames < _REACH or not jax.tree.leaves(f_info.residual.couplings):
+            return found
+        # Of every third frame at once: a coupling sees one of them.
+        turn = jnp.arange(frames, dtype=jnp.int32) % _REACH
+        colours = jnp.arange(_REACH, dtype=jnp.int32)[:, None] == turn[None]
+        probe = jax.vmap(lambda unit: f_info.jac.mv(unit).couplings)
+        third = jax.vmap(lambda colour: probe(units[:, None, :] * colour[None, :, None]))(colours.astype(y.dtype))
+        for columns, residual in _leaves(third, f_info.residual.couplings, frames - 2):
+            found = _coupled(found, columns, residual)
+        return found
+
+    def step(self, step_size: Any, state: BandedEquations) -> tuple[Float[Array, "frames unknowns"], optx.RESULTS]:
+        """The step for a damping of one over `step_size`."""
+        eps = jnp.finfo(state.own.dtype).eps
+        damping = jnp.eye(state.own.shape[1], dtype=state.own.dtype) / jnp.maximum(step_size, eps)
+        step = -solve_banded(eqx.tree_at(lambda s: s.own, state, state.own + damping[None]))
+        solved = jnp.isfinite(step).all()
+        return step, optx.RESULTS.where(solved, optx.RESULTS.successful, optx.RESULTS.nonlinear_divergence)
+
+
+def _leaves(columns: Any, residuals: Any, count: int) -> list[tuple[Array, Array]]:
+    """Columns of the Jacobian and residuals, with the axes ``... count rows`` and ``count rows``."""
+    return [
+        (column.reshape(*column.shape[: column.ndim - residual.ndim], count, -1), residual.reshape(count, -1))
+        for column, residual in zip(jax.tree.leaves(columns), jax.tree.leaves(residuals), strict=True)
+    ]
+
+
+def _coupled(
+    found: BandedEquations, columns: Float[Array, "3 unknowns couplings rows"], residual: Float[Array, "couplings rows"]
+) -> BandedEquations:
+    """Add what couplings of three frames each say."""
+    number = np.arange(len(residual), dtype=np.int32)
+    # Of the first, second and third frame of each coupling: 3 x couplings x unknowns x rows.
+    parts = [columns[(number + place) % _REACH, :, number] for place in range(_REACH)]
+    own, after, second, gradient = found.own, found.next, found.second, found.gradient
+    for place, part in enumerate(parts):
+        own = own.at[number + place].add(jnp.einsum("kur,kvr->kuv", part, part))
+        gradient = gradient.at[number + place].add(jnp.einsum("kur,kr->ku", part, residual))
+    for place in range(2):
+        after = after.at[number + place].add(jnp.einsum("kur,kvr->kuv", parts[place], parts[place + 1]))
+    second = second.at[number].add(jnp.einsum("kur,kvr->kuv", parts[0], parts[2]))
+    return BandedEquations(own, after, second, gradient)
+
+
+def solve_banded(equations: BandedEquations) -> Float[Array, "frames unknowns"]:
+    """Solve ``matrix x = gradient``, by Cholesky factors of blocks of two frames."""
+    frames, count = equations.gradient.shape
+    if frames % 2:
+        # One frame more, that nothing holds to the others.
+        equations = jax.tree.map(lambda a: jnp.concatenate([a, jnp.zeros_like(a[:1])]), equations)
+        extra = jnp.eye(count, dtype=equations.own.dtype)
+        equations = eqx.tree_at(lambda e: e.own, equations, equations.own.at[-1].set(extra))
+    even, odd = (jax.tree.map(lambda a, s=s: a[s::2], equations) for s in (0, 1))
+    diagonal = _square(even.own, even.next, even.next.swapaxes(1, 2), odd.own)
+    # From each pair to the one before it.
+    back = _square(even.second, jnp.zeros_like(even.second), odd.next, odd.second).swapaxes(1, 2)
+    back = jnp.concatenate([jnp.zeros_like(back[:1]), back[:-1]])
+    right = jnp.concatenate([even.gradient, odd.gradient], 1)
+    eye = jnp.eye(2 * count, dtype=right.dtype)
+
+    def forward(carry: Any, pair: Any) -> Any:
+        inverse, value = carry
+        own, behind, wanted = pair
+        lower = behind @ inverse.T
+        factor = jnp.linalg.cholesky(own - lower @ lower.T)
+        inverse = jax.scipy.linalg.solve_triangular(factor, eye, lower=True)
+        value = inverse @ (wanted - lower @ value)
+        return (inverse, value), (inverse, lower, value)
+
+    _, (inverses, lowers, values) = jax.lax.scan(forward, (eye, jnp.zeros_like(right[0])), (diagonal, back, right))
+
+    def backward(after: Any, pair: Any) -> Any:
+        pull, (inverse, lower, value) = after, pair
+        found = inverse.T @ (value - pull)
+        return lower.T @ found, found
+
+    _, found = jax.lax.scan(backward, jnp.zeros_like(right[0]), (inverses, lowers, values), reverse=True)
+    return found.reshape(-1, count)[:frames]
+
+
+def _square(a: Array, b: Array, c: Array, d: Array) -> Array:
+    """Blocks ``[[a, b], [c, d]]``."""
+    return jnp.concatenate([jnp.concatenate([a, b], 2), jnp.concatenate([c, d], 2)], 1)
+
+
+class BandedLevenbergMarquardt(optx.AbstractGaussNewton):
+    """Levenberg-Marquardt for `refine_sequence`; tolerances as in `optimistix.LevenbergMarquardt`."""
+
+    rtol: float
+    atol: float
+    norm: Callable[[Any], Any] = optx.max_norm
+    descent: BandedNormalDescent = BandedNormalDescent()
+    search: optx.ClassicalTrustRegion = eqx.field(default_factory=optx.ClassicalTrustRegion)
+    verbose: Callable[..., None] = quiet
+
+
+def sequence_solver() -> BandedLevenbergMarquardt:
+    """To three millimetres or milliradians."""
+    return BandedLevenbergMarquardt(rtol=1e-2, atol=3e-3)
