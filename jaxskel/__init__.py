@@ -90,6 +90,7 @@ from ._skeleton import default_adult as default_adult
 from ._skeleton import forward_kinematics as forward_kinematics
 from ._skeleton import make_skeleton as make_skeleton
 from ._smooth import smooth as smooth
+from ._soft_carve import carve_soft as carve_soft
 from ._soft_dtw import soft_dtw as soft_dtw
 from ._solve import Model as Model
 from ._solve import Search as Search
