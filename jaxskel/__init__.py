@@ -51,6 +51,7 @@ from ._match import DtwMatcher as DtwMatcher
 from ._match import ExactMatcher as ExactMatcher
 from ._match import Matches as Matches
 from ._match import cost_matrices as cost_matrices
+from ._match import soft_cost_matrices as soft_cost_matrices
 from ._observe import labelled_limbs as labelled_limbs
 from ._observe import person_graphs as person_graphs
 from ._observe import see_people as see_people
@@ -95,6 +96,8 @@ from ._skeleton import default_adult as default_adult
 from ._skeleton import forward_kinematics as forward_kinematics
 from ._skeleton import make_skeleton as make_skeleton
 from ._smooth import smooth as smooth
+from ._soft_carve import carve_soft as carve_soft
+from ._soft_dtw import soft_dtw as soft_dtw
 from ._solve import Model as Model
 from ._solve import Search as Search
 from ._solve import make_model as make_model

@@ -3,6 +3,7 @@
 A matcher is an object with ``match(ends, skeleton) -> Matches``; both are batched over frames.
 """
 
+from collections.abc import Callable
 from itertools import combinations
 from typing import Protocol, runtime_checkable
 
@@ -16,6 +17,7 @@ from ._descriptors import MAX_ENDS, EndNodes, template_ends
 from ._dtw import dtw
 from ._kept import kept
 from ._skeleton import Skeleton
+from ._soft_dtw import soft_dtw
 from ._stacks import filled
 
 
@@ -43,19 +45,38 @@ def cost_matrices(
     count: Int[Array | np.ndarray, " frames"],
     template: Float[Array | np.ndarray, "labels=5 labels=5"],
 ) -> Float[Array, "frames ends labels=5"]:
-    """C (Eq. 4): DTW cost of every row of D with every row of D', infinite in the padding.
+    """C (Eq. 4): DTW cost of every row of D with every row of D', infinite in the padding."""
+    return _rows_with_rows(dtw, distances, count, template)
 
-    Written for one row against one row; vmapped over frames, candidate nodes and template nodes.
-    """
 
-    def one(row, n, other):
-        return dtw(row, n, other)
+@kept
+def soft_cost_matrices(
+    distances: Float[Array | np.ndarray, "frames ends ends"],
+    count: Int[Array | np.ndarray, " frames"],
+    template: Float[Array | np.ndarray, "labels=5 labels=5"],
+    gamma: Float[Array | np.ndarray, ""] | float,
+) -> Float[Array, "frames ends labels=5"]:
+    """What [`cost_matrices`][] gives, with [`soft_dtw`][] of a gamma (m) in the place of `dtw`, for gradients."""
 
-    over_labels = jax.vmap(one, (None, None, 0))
+    def soft(row, n, other):
+        return soft_dtw(row, n, other, gamma)
+
+    return _rows_with_rows(soft, distances, count, template)
+
+
+def _rows_with_rows(
+    cost: Callable[..., Array],
+    distances: Float[Array | np.ndarray, "frames ends ends"],
+    count: Int[Array | np.ndarray, " frames"],
+    template: Float[Array | np.ndarray, "labels=5 labels=5"],
+) -> Float[Array, "frames ends labels=5"]:
+    """Of one row with one row, vmapped over frames, candidate nodes and template nodes."""
+    over_labels = jax.vmap(cost, (None, None, 0))
     over_ends = jax.vmap(over_labels, (0, None, None))
-    costs = jax.vmap(over_ends, (0, 0, None))(distances, count, template)
-    padding = jnp.arange(distances.shape[1])[None, :] >= count[:, None]
-    return jnp.where(padding[..., None], jnp.inf, costs)
+    padding = (jnp.arange(distances.shape[1])[None, :] >= count[:, None])[..., None]
+    # Whatever stands in rows that are not used, gradients shall not hear of it.
+    costs = jax.vmap(over_ends, (0, 0, None))(jnp.where(padding, 0.0, distances), count, template)
+    return jnp.where(padding, jnp.inf, costs)
 
 
 class DtwMatcher(eqx.Module):

@@ -20,6 +20,8 @@ _MOST_CELLS = 320
 _FARTHEST = 40
 # What a view tells that tells nothing (m): well inside.
 _NOTHING = -1.0
+# All values of a lost view (px): far inside, wherever one looks.
+_LOST = -1e3
 
 
 class SilhouetteDistances(eqx.Module):
@@ -49,6 +51,23 @@ class SilhouetteDistances(eqx.Module):
         u, v, depth = (jnp.asarray(a) for a in project(self.cameras, points))
         seen, distance, _ = self._interpolated(u, v)
         return self._in_metres(seen, distance, depth)
+
+    def seen_at(
+        self, points: Float[Array, "points 3"]
+    ) -> tuple[Bool[Array, "cams points"], Float[Array, "cams points"]]:
+        """Whether points of the world (m) fall into each image, and the distances there as `at` gives them."""
+        u, v, depth = (jnp.asarray(a) for a in project(self.cameras, points))
+        seen, distance, _ = self._interpolated(u, v)
+        width, height = jnp.asarray(self.cameras.size).T
+        # Images that are smaller than the largest one end before the values do.
+        seen &= (u < width[:, None] - 0.5) & (v < height[:, None] - 0.5)
+        return seen, self._in_metres(seen, distance, depth)
+
+    @property
+    def lost(self) -> Bool[Array, " cams"]:
+        """Views of one frame that tell nothing, because they show no person."""
+        values = jnp.asarray(self.values)
+        return (values if self.frame is None else values[self.frame])[:, 0, 0] == _LOST
 
     def near(self, points: Float[Array, "points 3"]) -> Float[Array, "cams points"]:
         """The same without interpolation, in a third of the time and without a gradient."""
@@ -95,7 +114,9 @@ class SilhouetteDistances(eqx.Module):
     ) -> tuple[Bool[Array, "cams points"], Float[Array, "cams points"], Float[Array, "cams points"]]:
         """Whether image points (px) are seen, and where they are in the grid, whose values are cells' means."""
         rows, columns = self.values.shape[-2:]
-        x, y = ((a + 0.5) / self.step - 0.5 for a in (u, v))
+        # What is not seen is NaN, and would be the whole gradient by the step, which is no one's variable.
+        step = jax.lax.stop_gradient(self.step)
+        x, y = ((a + 0.5) / step - 0.5 for a in (u, v))
         seen = (x > -0.5) & (y > -0.5) & (x < columns - 0.5) & (y < rows - 0.5)  # false for NaN
         x, y = jnp.where(seen, x, 0.0), jnp.where(seen, y, 0.0)
         return seen, jnp.clip(x, 0.0, columns - 1.001), jnp.clip(y, 0.0, rows - 1.001)
@@ -139,7 +160,7 @@ def silhouette_distances(
     width = 8 * silhouettes.shape[3]
     step = -(-max(height, width) // _MOST_CELLS)
     shape = (frames, views, -(-height // step), -(-width // step))
-    values = np.full(shape, -1e3, np.float32)
+    values = np.full(shape, _LOST, np.float32)
     for frame, view in zip(*np.nonzero(~lost), strict=True):
         right, low = cameras.size[view].tolist()
         cells = _signed(silhouettes[frame, view, :low], right, step)
