@@ -54,20 +54,25 @@ class Kept(Generic[P, R]):
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
         folder = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
-        if not folder:
-            return self._jitted(*args, **kwargs)
         leaves, structure = jax.tree.flatten((args, kwargs))
+        leaves = [_strong(leaf) for leaf in leaves]
+        if not folder:
+            return self._call(leaves, structure)
         numbers = [_is_array(leaf) for leaf in leaves]
         arrays = [_canonical(leaf) for leaf, number in zip(leaves, numbers, strict=True) if number]
         if jax.device_count() > 1 or any(isinstance(array, Tracer) for array in arrays):
-            return self._jitted(*args, **kwargs)
+            return self._call(leaves, structure)
         # 1, 1.0 and True are equal, but compile differently.
         rest = tuple((type(leaf), leaf) for leaf, number in zip(leaves, numbers, strict=True) if not number)
         key = structure, tuple(numbers), rest, tuple((array.shape, array.dtype) for array in arrays), _switches()
         if key not in self._known:
             self._known[key] = self._prepared(Path(folder), leaves, structure)
         program = self._known[key]
-        return self._jitted(*args, **kwargs) if program is None else program(arrays)
+        return self._call(leaves, structure) if program is None else program(arrays)
+
+    def _call(self, leaves: list[Any], structure: Any) -> R:
+        args, kwargs = jax.tree.unflatten(structure, leaves)
+        return cast(Callable[..., R], self._jitted)(*args, **kwargs)
 
     def _prepared(self, folder: Path, leaves: list, structure: Any) -> Callable[[list[Any]], R] | None:
         """The function for arguments like these, from the disk or compiled; None where it cannot be named."""
@@ -134,6 +139,12 @@ def kept(function: Callable[P, R]) -> Callable[P, R]:
 
 def _is_array(value: Any) -> bool:
     return isinstance(value, np.ndarray | jax.Array | np.generic)
+
+
+def _strong(leaf: Any) -> Any:
+    """An array without JAX's mark that it was made of a Python number, which would compile again."""
+    weak = isinstance(leaf, jax.Array) and not isinstance(leaf, Tracer) and leaf.weak_type
+    return jnp.asarray(leaf, leaf.dtype) if weak else leaf
 
 
 def _canonical(leaf: Any) -> Any:

@@ -1,5 +1,7 @@
 """Weights of an objective, learned from a few labelled frames: gradients go through the refinement."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -72,18 +74,25 @@ def learn_weights(
     if not np.isfinite(labels).all(-1).any():
         raise ValueError("labels: every joint is NaN; give true joints (m) of a few frames")
     solver = solver or LevenbergMarquardt(rtol=1e-4, atol=1e-5)
-    given = jax.tree.map(jnp.asarray, single_precision((objective, skeleton, initial, observed, labels)))
-    start = np.array([float(term.weight) for term in objective.terms.values()])
+    names = sorted(objective.terms)  # as JAX orders them
+    start = np.array([float(objective.terms[name].weight) for name in names])
+    options = parametrisation, solver, rounds, max_steps
+    problem = single_precision((objective, skeleton, initial, observed, np.asarray(labels)))
+    changed, template, poses, seen, goals = problem
+    found = refine_frames(changed, parametrisation, solver, template, poses, seen, rounds, max_steps)
+    converged = np.asarray(found.converged)
+    if not converged.any():
+        raise ValueError("no frame converges, so that none has a gradient: give better poses or more max_steps")
+    poses, seen = _in_place_of_others((poses, seen), converged)
+    goals = np.where(converged[:, None, None], goals, np.nan)
+    given = jax.tree.map(jnp.asarray, (changed, template, poses, seen, goals))
     losses: list[float] = []
     outcomes: list[np.ndarray] = []
 
     def evaluate(logarithms: np.ndarray) -> tuple[float, np.ndarray]:
-        changes = jnp.asarray(logarithms, jnp.float32)
-        (value, converged), slope = _loss_and_slope(changes, given, parametrisation, solver, rounds, max_steps)
-        if not losses and not converged.any():
-            raise ValueError("no frame converges, so that none has a gradient: give better poses or more max_steps")
+        (value, ended), slope = _loss_and_slope(jnp.asarray(logarithms, jnp.float32), given, *options)
         losses.append(float(value))
-        outcomes.append(np.asarray(converged))
+        outcomes.append(np.asarray(ended) & converged)
         return float(value), np.asarray(slope, float)
 
     bound = float(np.log(_MOST))
@@ -91,8 +100,14 @@ def learn_weights(
         evaluate, np.zeros(len(start)), jac=True, method="L-BFGS-B", bounds=[(-bound, bound)] * len(start),
         options={"maxiter": iterations, "maxfun": 3 * iterations},
     )  # fmt: skip
-    best = dict(zip(objective.terms, start * np.exp(found.x), strict=True))
+    best = dict(zip(names, start * np.exp(found.x), strict=True))
     return Learned(objective.weighted(**best), np.array(losses), outcomes[int(np.argmin(losses))])
+
+
+def _in_place_of_others(frames: Any, good: Bool[np.ndarray, " frames"]) -> Any:
+    """Stacks with one of the good frames in place of each other one, whose gradient would be none at all."""
+    index = np.where(good, np.arange(len(good)), int(np.argmax(good)))
+    return jax.tree.map(lambda a: np.asarray(a)[index], frames)
 
 
 @eqx.filter_jit
@@ -108,9 +123,9 @@ def _loss_and_slope(
 
     def loss(logarithms: Float[Array, " terms"]) -> tuple[Array, Array]:
         objective, skeleton, initial, observed, labels = given
-        weights = [term.weight for term in objective.terms.values()]
-        scaled = [weight * jnp.exp(logarithms[i]) for i, weight in enumerate(weights)]
-        changed = objective.weighted(**dict(zip(objective.terms, scaled, strict=True)))
+        names = sorted(objective.terms)
+        scaled = {name: objective.terms[name].weight * jnp.exp(logarithms[i]) for i, name in enumerate(names)}
+        changed = objective.weighted(**scaled)
         found = refine_frames(changed, parametrisation, solver, skeleton, initial, observed, rounds, max_steps)
         known = jnp.isfinite(labels).all(-1) & found.converged[:, None]
         apart = jnp.where(known[..., None], found.joints - labels, 0.0)

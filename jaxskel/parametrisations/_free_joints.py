@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 from .._rotations import cross
 from .._skeleton import JOINT_OF_PIVOT, JOINT_PARENTS, TIP_PARENTS, Pose, Skeleton
 from ..terms import PlacedBody, place
+from ..terms._base import number
 
 _COUNT = len(JOINT_PARENTS)
 _ENDS = np.arange(1, _COUNT, dtype=np.int32)
@@ -89,7 +90,7 @@ class FreeJoints(eqx.Module):
 class SoftBones(FreeJoints):
     """Free joints; lengths are as soft as their weight says, and give way to what pulls harder."""
 
-    weight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=1e5)
+    weight: Float[Array, ""] = eqx.field(converter=number, default=1e5)
     """Of the squared error of a length (m^2): by default a centimetre costs ten."""
 
     def settled(self, base: JointPositions, skeleton: Skeleton) -> JointPositions:
@@ -103,7 +104,7 @@ class AugmentedLagrangian(FreeJoints):
     Each round takes away most of the error that is left: give it more of them than the other parametrisations.
     """
 
-    weight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=1e4)
+    weight: Float[Array, ""] = eqx.field(converter=number, default=1e4)
     """Of the squared error of a length (m^2)."""
 
     def settled(self, base: JointPositions, skeleton: Skeleton) -> JointPositions:

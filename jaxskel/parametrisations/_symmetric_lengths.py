@@ -7,6 +7,7 @@ from jaxtyping import Array, Float
 
 from .._skeleton import JOINT_NAMES, Pose, Skeleton, stretched
 from ..terms import PlacedBody, place
+from ..terms._base import number
 from ._base import JointRotations
 from ._exact_bones import ExactBones
 
@@ -32,7 +33,7 @@ class SymmetricLengths(eqx.Module):
     """
 
     rotations: JointRotations = ExactBones()
-    weight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=40.0)
+    weight: Float[Array, ""] = eqx.field(converter=number, default=40.0)
     """Of the squared logarithm: by default a length that is 5 % off costs a tenth."""
 
     def begin(self, pose: Pose, skeleton: Skeleton) -> StretchedPose:

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 from .._body import Body, ball_centres
 from .._capsules import all_distances, toward_capsule
 from .._skeleton import SEGMENT_NAMES
-from ._base import AbstractTerm, Observed, PlacedBody
+from ._base import AbstractTerm, Observed, PlacedBody, number
 
 _ARM = np.array([name[2:] in ("clavicle", "upper_arm", "forearm", "hand") for name in SEGMENT_NAMES])
 _FOREARM = np.array([name[2:] in ("forearm", "hand") for name in SEGMENT_NAMES])
@@ -31,10 +31,10 @@ class ArmCollision(AbstractTerm):
     needs_graph = False
 
     body: Body
-    weight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=1.0)
-    share: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.6)
+    weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
+    share: Float[Array, ""] = eqx.field(converter=number, default=0.6)
     """Share of an arm's radius that must stay outside: flesh gives way."""
-    limit: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.1)
+    limit: Float[Array, ""] = eqx.field(converter=number, default=0.1)
     """Depth (m) beyond which the cost does not grow."""
 
     def correspond(self, body: PlacedBody, observed: Observed) -> Contacts:

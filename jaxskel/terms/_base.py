@@ -70,6 +70,12 @@ def place(skeleton: Skeleton, pose: Pose) -> PlacedBody:
     return PlacedBody(joints, tips, jnp.asarray(pose.rotations), origins)
 
 
+def number(value: Any) -> Float[Array, "..."]:
+    """Numbers of a term as an array of floats: a whole number instead would compile again."""
+    array = jnp.asarray(value)
+    return array if jnp.issubdtype(array.dtype, jnp.inexact) else array.astype(jnp.result_type(float))
+
+
 class AbstractTerm(eqx.Module):
     """One residual of the objective. The weight multiplies its squared norm; to switch a term off, leave it out."""
 
@@ -120,7 +126,7 @@ class Objective(eqx.Module):
     def weighted(self, **weights: Any) -> "Objective":
         """With other weights of some terms."""
         self._check(weights)
-        found = {name: jnp.asarray(weight, jnp.result_type(float)) for name, weight in weights.items()}
+        found = {name: number(weight) for name, weight in weights.items()}
         changed = {name: eqx.tree_at(lambda t: t.weight, self.terms[name], found[name]) for name in found}
         return Objective(self.terms | changed)
 

@@ -6,7 +6,7 @@ from jaxtyping import Array, Float
 
 from .._body import Body
 from .._capsules import Grazed, nearest_to_rays
-from ._base import Observed, PlacedBody
+from ._base import Observed, PlacedBody, number
 from ._quadrics import CapsuleTerm, Quadrics, make_quadrics
 
 
@@ -18,12 +18,12 @@ class ContourContact(CapsuleTerm):
     """
 
     body: Body
-    weight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=1.0)
-    scale: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.05)
+    weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
+    scale: Float[Array, ""] = eqx.field(converter=number, default=0.05)
     """Distance (m) beyond which a ray counts for little (Geman-McClure)."""
-    inner: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.3)
+    inner: Float[Array, ""] = eqx.field(converter=number, default=0.3)
     """Weight of rays that go through the body."""
-    limit: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.06)
+    limit: Float[Array, ""] = eqx.field(converter=number, default=0.06)
     """Distance (m) beyond which the cost of a ray does not grow."""
 
     def quadrics(self, body: PlacedBody, observed: Observed) -> Quadrics:

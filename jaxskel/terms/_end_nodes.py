@@ -7,14 +7,14 @@ from jaxtyping import Array, Float
 
 from .._limbs import END_NODE_REACH
 from .._skeleton import TIP_PARENTS
-from ._base import AbstractTerm, Observed, PlacedBody
+from ._base import AbstractTerm, Observed, PlacedBody, number
 
 
 class EndNodeAttraction(AbstractTerm):
     """Head top, fingertips and toe tips minus their end nodes; a limb without an end node is left free."""
 
-    weight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=1.0)
-    reach: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=END_NODE_REACH)
+    weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
+    reach: Float[Array, ""] = eqx.field(converter=number, default=END_NODE_REACH)
     """Where between joint (0) and tip (1) the end node lies."""
 
     def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "tips=5 3"]:

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
-from ._base import AbstractTerm, Observed, PlacedBody
+from ._base import AbstractTerm, Observed, PlacedBody, number
 
 
 class Code:
@@ -47,7 +47,7 @@ class FunctionTerm(AbstractTerm):
 
     function: Code = eqx.field(static=True)
     parameters: tuple[PyTree, ...]
-    weight: Float[Array, ""] = eqx.field(converter=jnp.asarray)
+    weight: Float[Array, ""] = eqx.field(converter=number)
     looks_at: tuple[bool, bool] = eqx.field(static=True, default=(False, False))
     """At the hull, at the labelled graph."""
 

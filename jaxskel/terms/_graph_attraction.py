@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from .._limbs import L_FOOT, L_HAND, R_FOOT, R_HAND
 from .._skeleton import JOINT_NAMES, JOINT_PARENTS
-from ._base import AbstractTerm, Observed, PlacedBody
+from ._base import AbstractTerm, Observed, PlacedBody, number
 
 # The bones that lie on a centre-line, by the joint they end in, with the path they belong to. Hips and shoulders
 # stand off to the side of it. Head and trunk are part of every path to a foot; paths to a hand may leave it early.
@@ -27,8 +27,8 @@ _PLACES = np.stack([np.linspace(0.0, 0.4, 5) if name.endswith("foot") else np.li
 class GraphAttraction(AbstractTerm):
     """Samples on each bone minus the closest point of that limb's path, with a robust weight (Geman-McClure)."""
 
-    weight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=1.0)
-    scale: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.1)
+    weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
+    scale: Float[Array, ""] = eqx.field(converter=number, default=0.1)
     """Distance (m) beyond which a sample counts for little."""
 
     def correspond(

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._skeleton import SEGMENT_NAMES, Skeleton, hinge_axes
-from ._base import AbstractTerm, Observed, PlacedBody
+from ._base import AbstractTerm, Observed, PlacedBody, number
 
 _UPPER, _LOWER = (
     np.array([SEGMENT_NAMES.index(side + name) for name in names for side in ("l_", "r_")], np.int32)
@@ -21,10 +21,10 @@ class HingeLimits(AbstractTerm):
     needs_graph = False
 
     skeleton: Skeleton
-    weight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=1.0)
-    straight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.05)
+    weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
+    straight: Float[Array, ""] = eqx.field(converter=number, default=0.05)
     """Least flexion (rad)."""
-    folded: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=2.5)
+    folded: Float[Array, ""] = eqx.field(converter=number, default=2.5)
     """Largest flexion (rad)."""
 
     def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "hinges=4 2"]:

@@ -4,13 +4,13 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ._base import AbstractTerm, Observed, PlacedBody
+from ._base import AbstractTerm, Observed, PlacedBody, number
 
 
 class InnerNodeAttraction(AbstractTerm):
     """Pelvis and neck minus their nodes in the graph."""
 
-    weight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=1.0)
+    weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
 
     def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "2 3"]:
         """Distances of joints and nodes (m)."""

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._body import Body, capsule_ends
-from ._base import AbstractTerm, Observed, PlacedBody
+from ._base import AbstractTerm, Observed, PlacedBody, number
 
 # Where along each capsule's axis.
 _PLACES = np.array([1 / 6, 1 / 2, 5 / 6])
@@ -19,10 +19,10 @@ class InsideHull(AbstractTerm):
     needs_hull = True
 
     body: Body
-    weight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=1.0)
-    share: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.7)
+    weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
+    share: Float[Array, ""] = eqx.field(converter=number, default=0.7)
     """Share of the radius that must be inside: clothes, voxels and pruned silhouettes take some of it."""
-    scale: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.1)
+    scale: Float[Array, ""] = eqx.field(converter=number, default=0.1)
     """Depth (m) beyond which a point that sticks out counts for little, and its cost does not grow."""
 
     def correspond(

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float, Int
 
 from .._body import Body
 from .._silhouette_distances import SilhouetteDistances
-from ._base import Observed, PlacedBody
+from ._base import Observed, PlacedBody, number
 from ._quadrics import PAIRS, CapsuleTerm, Quadrics, quadrics_of_samples
 
 # Where along each capsule's axis.
@@ -23,14 +23,14 @@ class InsideSilhouettes(CapsuleTerm):
     """
 
     body: Body
-    weight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=1.0)
-    share: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.7)
+    weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
+    share: Float[Array, ""] = eqx.field(converter=number, default=0.7)
     """Share of the radius that must be inside: clothes and poor masks take some of it."""
-    scale: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.06)
+    scale: Float[Array, ""] = eqx.field(converter=number, default=0.06)
     """Depth (m) beyond which a point that sticks out counts for little, and its cost does not grow."""
-    single: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.3)
+    single: Float[Array, ""] = eqx.field(converter=number, default=0.3)
     """Weight of each single view, relative to that of the one that decides."""
-    single_scale: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.03)
+    single_scale: Float[Array, ""] = eqx.field(converter=number, default=0.03)
     """`scale` for single views."""
 
     def quadrics(self, body: PlacedBody, observed: Observed) -> Quadrics:

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._skeleton import SEGMENT_PARENTS, Pose
-from ._base import AbstractTerm, Observed, PlacedBody
+from ._base import AbstractTerm, Observed, PlacedBody, number
 
 _PARENTS = np.array(SEGMENT_PARENTS, np.int32)[1:]
 # Of a segment that never turned in the poses given (rad): held firmly, but not without end.
@@ -22,7 +22,7 @@ class PosePrior(AbstractTerm):
     """Rotation of each segment but the pelvis relative to the one it hangs on."""
     spread: Float[Array, " segments=16"]
     """How far it usually is from there (rad, root mean square)."""
-    weight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=1.0)
+    weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
 
     def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "segments=16 3 3"]:
         """Half the difference of the rotation matrices over the spread: its norm is near angle / (sqrt(2) spread)."""

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._skeleton import SEGMENT_NAMES, SEGMENT_PARENTS
-from ._base import AbstractTerm, Observed, PlacedBody
+from ._base import AbstractTerm, Observed, PlacedBody, number
 
 # 32 bits, because JAX mixes up wider indices when float64 is switched on after the first use.
 _PARENTS = np.array(SEGMENT_PARENTS, np.int32)[1:]
@@ -26,8 +26,8 @@ class RestPrior(AbstractTerm):
 
     needs_graph = False
 
-    weight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=1.0)
-    firmness: Float[Array, "segments=16"] = eqx.field(converter=jnp.asarray, default_factory=_SEEN_AS_GRAPH.copy)
+    weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
+    firmness: Float[Array, "segments=16"] = eqx.field(converter=number, default_factory=_SEEN_AS_GRAPH.copy)
     """Weight of each segment but the pelvis, see [`firmness`][]."""
 
     def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "segments=16 4"]:

@@ -4,16 +4,16 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ._base import AbstractCoupling, PlacedBody
+from ._base import AbstractCoupling, PlacedBody, number
 
 
 class Smoothness(AbstractCoupling):
     """Acceleration of joints and tips from one frame to the next two. For `refine_sequence`."""
 
-    fps: Float[Array, ""] = eqx.field(converter=jnp.asarray)
+    fps: Float[Array, ""] = eqx.field(converter=number)
     """Frames per second."""
-    weight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=1.0)
-    scale: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=10.0)
+    weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
+    scale: Float[Array, ""] = eqx.field(converter=number, default=10.0)
     """Acceleration (m/s^2) that costs one: by default about that of free fall, which a limb seldom exceeds for long."""
 
     def residual(self, before: PlacedBody, body: PlacedBody, after: PlacedBody) -> Float[Array, "points=20 3"]:

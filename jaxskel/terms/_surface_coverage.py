@@ -6,7 +6,7 @@ from jaxtyping import Array, Float
 
 from .._body import Body
 from .._capsules import nearest_capsule, toward_capsule
-from ._base import Observed, PlacedBody
+from ._base import Observed, PlacedBody, number
 from ._quadrics import CapsuleTerm, Quadrics, make_quadrics
 
 
@@ -19,12 +19,12 @@ class SurfaceCoverage(CapsuleTerm):
     needs_hull = True
 
     body: Body
-    weight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=1.0)
-    scale: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.05)
+    weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
+    scale: Float[Array, ""] = eqx.field(converter=number, default=0.05)
     """Distance (m) beyond which a point counts for little (Geman-McClure)."""
-    inner: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.3)
+    inner: Float[Array, ""] = eqx.field(converter=number, default=0.3)
     """Weight of points inside the body."""
-    limit: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.06)
+    limit: Float[Array, ""] = eqx.field(converter=number, default=0.06)
     """Distance (m) beyond which the cost of a point does not grow."""
 
     def quadrics(self, body: PlacedBody, observed: Observed) -> Quadrics:

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._skeleton import JOINT_NAMES, JOINT_PARENTS, MIRROR_JOINTS
-from ._base import AbstractTerm, Observed, PlacedBody
+from ._base import AbstractTerm, Observed, PlacedBody, number
 
 _LEFT = np.array([i for i, name in enumerate(JOINT_NAMES) if name.startswith("l_")], np.int32)
 _RIGHT = np.array(MIRROR_JOINTS, np.int32)[_LEFT]
@@ -18,7 +18,7 @@ class Symmetry(AbstractTerm):
 
     needs_graph = False
 
-    weight: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=1.0)
+    weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
 
     def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "pairs=6"]:
         """Differences (m)."""
