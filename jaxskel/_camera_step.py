@@ -56,7 +56,7 @@ def camera_step(
     # Geman and McClure's weights.
     weight = 1 / (1 + (jnp.maximum(found.value, 0.0) / (_TAIL * noise)) ** 2) / (noise * jnp.sqrt(_ALIKE))
     start = jnp.asarray(now).reshape(-1)
-    rows = (found.slopes * units).reshape(len(found.value), -1) * weight[:, None]
+    rows = (found.slopes * units[None, None]).reshape(len(found.value), -1) * weight[:, None]
     values = found.value * weight - rows @ start
 
     def residuals(unknowns: Float[Array, " unknowns"], given: tuple[Array, Array]) -> tuple[Array, Array]:

@@ -24,18 +24,18 @@ _UNKNOWN = -1e3
 class Contacts(eqx.Module):
     """The place on each ray where the greatest distance to the silhouettes of the other views is least."""
 
-    depth: Float[Array | np.ndarray, "frames rays"]
+    depth: Float[Array | np.ndarray, "*frames rays"]
     """Along the ray (m)."""
-    judges: Int[Array | np.ndarray, "frames rays 2"]
+    judges: Int[Array | np.ndarray, "*frames rays 2"]
     """The cameras whose distances are the greatest just before the place, and just behind it."""
-    share: Float[Array | np.ndarray, "frames rays"]
+    share: Float[Array | np.ndarray, "*frames rays"]
     """Of the first judge in the residual; the second has the rest.
 
     Where one silhouette is entered as another is left, both hold the place. The shares are such that a small change of
     the depth would not change the residual, so with the depth frozen its derivatives are still those of the least
     greatest distance (envelope theorem; the shares are the multipliers of the two constraints).
     """
-    known: Bool[Array | np.ndarray, "frames rays"]
+    known: Bool[Array | np.ndarray, "*frames rays"]
     """Some other view sees the place."""
 
 
@@ -71,12 +71,12 @@ def find_contacts(
             distance, seen = images.at(image, u, v)
             return jnp.where(seen & (views[:, None, None] != own[None, :, None]), distance, _UNKNOWN)
 
-        near, far = _around(starts - middle, directions)
+        near, far = _around(starts - middle[None], directions)
         step = ((far - near) / (_COARSE - 1))[:, None]
-        depth = near[:, None] + step * jnp.arange(_COARSE, dtype=step.dtype)
+        depth = near[:, None] + step * jnp.arange(_COARSE, dtype=step.dtype)[None]
         every = jnp.arange(len(depth), dtype=jnp.int32)
         best = depth[every, distances(depth).max(0).argmin(-1)]
-        depth = best[:, None] + step * jnp.linspace(-1, 1, 2 * _FINE + 1, dtype=step.dtype)
+        depth = best[:, None] + step * jnp.linspace(-1, 1, 2 * _FINE + 1, dtype=step.dtype)[None]
         found = distances(depth)
         place = jnp.clip(found.max(0).argmin(-1), 1, 2 * _FINE - 1)
         before, here, behind = (found[:, every, place + by] for by in (-1, 0, 1))

@@ -85,10 +85,10 @@ def refine_cameras(
     # Names are no numbers, and other names would compile again.
     given = replace(recording.cameras, names=tuple(map(str, range(len(recording.cameras)))))
     chosen, lost = _frames(recording, frames)
-    outlines = _outlines(np.asarray(recording.silhouettes[chosen]), given, lost, rotation_sd) if len(chosen) else None
-    if outlines is None:
-        return _result(recording.cameras, no_change(given), np.full((2, len(given)), np.nan), None, False, chosen)
+    if len(chosen) == 0:
+        return _unrefined(recording.cameras)
 
+    outlines = _outlines(np.asarray(recording.silhouettes[chosen]), given, lost, rotation_sd)
     units = np.repeat((rotation_sd, shift_sd), 3)
     unknowns, spread, converged = np.zeros((len(given), 6)), np.ones((len(given), 6)), False
     found = outlines.seen_by(given)
@@ -103,8 +103,16 @@ def refine_cameras(
             converged = True
             break
     total = unknowns * units
-    missed = np.stack([before, outlines.missed(found)])
-    return _result(recording.cameras, ExtrinsicChange(total[:, :3], total[:, 3:]), missed, spread, converged, chosen)
+    return RefinedCameras(
+        cameras=_moved(recording.cameras, total),
+        rotation=total[:, :3],
+        shift=total[:, 3:],
+        before=before,
+        after=outlines.missed(found),
+        hardly_seen=np.sqrt((spread[:, :3] ** 2).mean(1)) > _HARDLY,
+        converged=converged,
+        frames=chosen,
+    )
 
 
 class _Outlines(eqx.Module):
@@ -174,15 +182,10 @@ def _double(contacts: Contacts) -> Contacts:
     return jax.tree.map(lambda a: np.asarray(a, np.float64) if a.dtype.kind == "f" else np.asarray(a), contacts)
 
 
-def _result(
-    cameras: Cameras,
-    change: ExtrinsicChange,
-    missed: Float[np.ndarray, "2 cams"],
-    spread: Float[np.ndarray, "cams 6"] | None,
-    converged: bool,
-    frames: Int[np.ndarray, " used"],
-) -> RefinedCameras:
-    rotation, shift = np.asarray(change.rotation), np.asarray(change.shift)
-    hardly = np.ones(len(cameras), bool) if spread is None else np.sqrt((spread[:, :3] ** 2).mean(1)) > _HARDLY
-    moved = _moved(cameras, np.concatenate([rotation, shift], 1))
-    return RefinedCameras(moved, rotation, shift, missed[0], missed[1], hardly, converged, frames)
+def _unrefined(cameras: Cameras) -> RefinedCameras:
+    count, change = len(cameras), no_change(cameras)
+    nothing = np.full(count, np.nan)
+    return RefinedCameras(
+        cameras, np.asarray(change.rotation), np.asarray(change.shift), nothing, nothing, np.ones(count, bool), False,
+        np.zeros(0, int),
+    )  # fmt: skip
