@@ -35,6 +35,7 @@ class Sensitivity(eqx.Module):
     """By the rotation vector (px/rad) and the shift (px/m) of each camera."""
 
 
+@kept
 def coherence(
     change: ExtrinsicChange, cameras: Cameras, lines: SightLines, images: DistanceImages, contacts: Contacts
 ) -> Float[Array, "frames rays"]:

@@ -20,9 +20,9 @@ from ._sight_lines import SightLines, sight_lines
 from ._stacks import single_precision
 from ._views import MIN_VIEWS, lost_views, silhouette_areas
 
-FRAMES = 24
+FRAMES = 40
 """Frames that are used by default: the errors of their masks are independent, those of more rays of a frame are not."""
-_RAYS = 250  # of a view: every fifth point of the outline of a person who is 400 px tall
+_RAYS = 150  # of a view: every tenth point of the outline of a person who is 400 px tall
 _ROUNDS = 15
 # The search ends where no unknown changes by more than this part of its prior's standard deviation.
 _CHANGE = 0.03
