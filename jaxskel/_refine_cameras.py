@@ -22,7 +22,7 @@ from ._views import MIN_VIEWS, lost_views, silhouette_areas
 
 FRAMES = 40
 """Frames that are used by default: the errors of their masks are independent, those of more rays of a frame are not."""
-_RAYS = 150  # of a view: every tenth point of the outline of a person who is 400 px tall
+_RAYS = 300  # of a view: every fifth point of the outline of a person who is 400 px tall
 _ROUNDS = 15
 # The search ends where no unknown changes by more than this part of its prior's standard deviation.
 _CHANGE = 0.03
