@@ -20,6 +20,8 @@ from ._camera import make_cameras as make_cameras
 from ._camera import project as project
 from ._camera import rays as rays
 from ._carve import carve as carve
+from ._compare_rigs import RigDifference as RigDifference
+from ._compare_rigs import compare_rigs as compare_rigs
 from ._contours import Contours as Contours
 from ._contours import contours as contours
 from ._descriptors import EndNodes as EndNodes
@@ -78,6 +80,8 @@ from ._recording import unpack_silhouettes as unpack_silhouettes
 from ._refine import Refined as Refined
 from ._refine import refine_frame as refine_frame
 from ._refine import refine_frames as refine_frames
+from ._refine_cameras import RefinedCameras as RefinedCameras
+from ._refine_cameras import refine_cameras as refine_cameras
 from ._reproject import agreement as agreement
 from ._reproject import reproject as reproject
 from ._scoop import scoop as scoop

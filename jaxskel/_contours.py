@@ -66,11 +66,11 @@ def contours(
 def _rays(packed: UInt8[np.ndarray, "h w8"], cameras: Cameras, camera: int) -> Float[np.ndarray, "n 3"]:
     """Directions of all points of an outline that the lens shows one-to-one."""
     width, height = cameras.size[camera]
-    directions = rays(cameras, camera, _outline(packed[:height], int(width)))
+    directions = rays(cameras, camera, outline(packed[:height], int(width)))
     return directions[np.isfinite(directions).all(1)]
 
 
-def _outline(packed: UInt8[np.ndarray, "h w8"], width: int) -> Float[np.ndarray, "n 2"]:
+def outline(packed: UInt8[np.ndarray, "h w8"], width: int) -> Float[np.ndarray, "n 2"]:
     """Points (u, v) between neighbouring pixels of which one is person, the other background (px)."""
     box = person_box(packed)
     if box is None:

@@ -163,28 +163,32 @@ def silhouette_distances(
     values = np.full(shape, _LOST, np.float32)
     for frame, view in zip(*np.nonzero(~lost), strict=True):
         right, low = cameras.size[view].tolist()
-        cells = _signed(silhouettes[frame, view, :low], right, step)
+        cells = signed_distances(silhouettes[frame, view, :low], right, step)
         values[frame, view, : len(cells), : cells.shape[1]] = cells
     stacked = jax.tree.map(lambda a: np.broadcast_to(a, (frames, *a.shape)), cameras)
     return SilhouetteDistances(values, np.full(frames, step, np.float32), stacked, np.full(frames, misses, np.int32))
 
 
-def _signed(packed: UInt8[np.ndarray, "h w8"], across: int, step: int) -> Float[np.ndarray, "rows columns"]:
+def signed_distances(
+    packed: UInt8[np.ndarray, "h w8"], across: int, step: int, farthest: int = _FARTHEST, smoothing: float = 0.0
+) -> Float[np.ndarray, "rows columns"]:
     """Means over cells of an image so many pixels wide (px), exact near the person."""
     height, width = -(-len(packed) // step), -(-across // step)
-    found = np.full((height, width), _FARTHEST, np.float32)
+    found = np.full((height, width), farthest, np.float32)
     box = person_box(packed)
     if box is None:
         return found
-    top, left = (max(first - _FARTHEST, 0) // step for first in (box[0], box[2]))
-    bottom, right = (min((end - 1 + _FARTHEST) // step + 1, n) for end, n in ((box[1], height), (box[3], width)))
+    top, left = (max(first - farthest, 0) // step for first in (box[0], box[2]))
+    bottom, right = (min((end - 1 + farthest) // step + 1, n) for end, n in ((box[1], height), (box[3], width)))
     near = unpacked_box(packed, step * top, step * bottom, step * left, min(step * right, across)).view(np.uint8)
     # A person who is cut off by the edge of the image goes on there, also where the last cell is not whole.
     beyond = step * (bottom - top) - near.shape[0], step * (right - left) - near.shape[1]
     near = cv2.copyMakeBorder(near, 0, beyond[0], 0, beyond[1], cv2.BORDER_REPLICATE)
     # Half-way between two pixels the distance is zero.
     signed = cv2.distanceTransform(1 - near, cv2.DIST_L2, 3) - cv2.distanceTransform(near, cv2.DIST_L2, 3)
-    signed = np.minimum(signed - 0.5 * np.sign(signed), _FARTHEST)
+    signed = np.minimum(signed - 0.5 * np.sign(signed), farthest)
+    if smoothing > 0:
+        signed = cv2.GaussianBlur(signed, (0, 0), smoothing, borderType=cv2.BORDER_REPLICATE)
     size = (right - left, bottom - top)
     found[top:bottom, left:right] = cv2.resize(signed, size, interpolation=cv2.INTER_AREA)
     return found

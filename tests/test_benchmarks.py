@@ -33,6 +33,7 @@ import _presets  # noqa: E402
 import _runs  # noqa: E402
 import _table  # noqa: E402
 import accuracy  # noqa: E402
+import cameras as rigs  # noqa: E402
 import figures  # noqa: E402
 from _condition import Condition, disturbed  # noqa: E402
 from disturb import (  # noqa: E402
@@ -579,3 +580,17 @@ def test_contenders_take_turns(capsys):
     assert theirs.ratio == pytest.approx(theirs.value / ours.value)
     assert theirs.met
     assert "| work | they |" in capsys.readouterr().out
+
+
+def test_cameras_are_put_wrong_by_what_it_says_and_the_hull_shows_it(scene):
+    wrong = rigs.perturbed(scene.cameras, 3)
+    turned = np.asarray(wrong.R) @ np.asarray(scene.cameras.R).swapaxes(-1, -2)
+    angles = np.arccos((np.trace(turned, axis1=1, axis2=2) - 1) / 2)
+    np.testing.assert_allclose(angles, rigs.TURN)
+    np.testing.assert_allclose(np.linalg.norm(wrong.centres - scene.cameras.centres, axis=1), rigs.SHIFT)
+    assert not np.allclose(turned, rigs.perturbed(scene.cameras, 4).R @ np.asarray(scene.cameras.R).swapaxes(-1, -2))
+    frames = np.arange(2)
+    true = rigs.drawn_agreement(scene, frames)
+    # Half a voxel is missing around; the person is as wide as a dozen voxels.
+    assert 0.85 < true < 1
+    assert rigs.drawn_agreement(eqx.tree_at(lambda r: r.cameras, scene, wrong), frames) < true - 0.05

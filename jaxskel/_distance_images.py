@@ -1,0 +1,92 @@
+"""Signed distances to outlines as images that are looked up anywhere, and whose zero is the outline between pixels."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int, UInt8
+
+from ._camera import Cameras
+from ._kept import kept
+from ._silhouette_distances import signed_distances
+
+# Values stand this many to a side of an image at most; between them they are interpolated.
+_MOST_CELLS = 640
+# Standard deviation of a Gaussian (px) that takes the stairs of pixels off slanting outlines; more would round fingers.
+_SMOOTHING = 1.0
+# Newton's steps to the zero of a distance, which has a slope of nearly one.
+_STEPS = 3
+
+
+class DistanceImages(eqx.Module):
+    """Signed distances (px) from the outlines of silhouettes on regular grids, negative on the person."""
+
+    values: Float[Array | np.ndarray, "images rows columns"]
+    """Of all views of the first frame, then of the second, and so on."""
+    step: Int[Array | np.ndarray, ""]
+    """Distance of neighbouring values (px)."""
+    size: Int[Array | np.ndarray, "images 2"]
+    """Width and height (px) of what is known of each image: nothing where a view has lost the person."""
+
+    def at(
+        self, image: Int[Array, "*points"], u: Float[Array, "*points"], v: Float[Array, "*points"]
+    ) -> tuple[Float[Array, "*points"], Bool[Array, "*points"]]:
+        """Distances at points (px) of some of the images, and whether these points are seen; if not, 0.
+
+        A point is seen inside of its image. Bilinear, hence differentiable nearly everywhere.
+        """
+        size = jnp.asarray(self.size)[image]
+        # NaN, where a camera sees nothing, compares false.
+        seen = (u > -0.5) & (v > -0.5) & (u < size[..., 0] - 0.5) & (v < size[..., 1] - 0.5)
+        rows, columns = self.values.shape[1:]
+        # Values are means over cells of `step` pixels.
+        x, y = ((jnp.where(seen, a, 0.0) + 0.5) / self.step - 0.5 for a in (u, v))
+        x, y = jnp.clip(x, 0.0, columns - 1.001), jnp.clip(y, 0.0, rows - 1.001)
+        column, row = jnp.floor(x).astype(jnp.int32), jnp.floor(y).astype(jnp.int32)
+        x, y = x - column, y - row
+        first = (image * rows + row) * columns + column
+        values = jnp.asarray(self.values).reshape(-1)
+        a, b, c, d = (values.at[first + by].get(mode="clip") for by in (0, 1, columns, columns + 1))
+        distance = (a * (1 - x) + b * x) * (1 - y) + (c * (1 - x) + d * x) * y
+        return jnp.where(seen, distance, 0.0), seen
+
+
+def distance_images(
+    silhouettes: UInt8[np.ndarray, "frames cams h w8"],
+    cameras: Cameras,
+    lost: Bool[np.ndarray, "frames cams"],
+    farthest: int,
+) -> DistanceImages:
+    """Distance images of some frames.
+
+    Args:
+        silhouettes: Packed bits.
+        cameras: The rig.
+        lost: Views that show no person.
+        farthest: Distances are exact up to this, and never larger (px).
+    """
+    frames, views, height, width = *silhouettes.shape[:3], 8 * silhouettes.shape[3]
+    step = -(-max(height, width) // _MOST_CELLS)
+    values = np.zeros((frames, views, -(-height // step), -(-width // step)), np.float32)
+    for frame, view in zip(*np.nonzero(~lost), strict=True):
+        right, low = cameras.size[view].tolist()
+        cells = signed_distances(silhouettes[frame, view, :low], right, step, farthest, _SMOOTHING)
+        values[frame, view, : len(cells), : cells.shape[1]] = cells
+    size = np.where(lost[..., None], 0, cameras.size).astype(np.int32)
+    return DistanceImages(values.reshape(-1, *values.shape[2:]), np.array(step, np.int32), size.reshape(-1, 2))
+
+
+@kept
+def onto_outlines(
+    images: DistanceImages, image: Int[Array | np.ndarray, " points"], uv: Float[Array | np.ndarray, "points 2"]
+) -> Float[Array, "points 2"]:
+    """Points (px) near the outlines of some images, moved to where the distance is zero, between the pixels."""
+
+    def one(image: Int[Array, ""], uv: Float[Array, "2"]) -> Float[Array, "2"]:
+        for _ in range(_STEPS):
+            distance, slope = jax.value_and_grad(lambda p: images.at(image, p[0], p[1])[0])(uv)
+            # On ridges and in corners the slope vanishes: the step stays shorter than twice the distance.
+            uv = uv - distance * slope / jnp.maximum((slope * slope).sum(), 0.25)
+        return uv
+
+    return jax.vmap(one)(jnp.asarray(image), jnp.asarray(uv))

@@ -1,0 +1,191 @@
+"""Extrinsics refined from silhouettes alone: no board, no points, only the person that all cameras see."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
+
+from ._camera import Cameras
+from ._camera_step import camera_step, noise_of
+from ._coherence import NOTHING, Sensitivity, sensitivity
+from ._contacts import Contacts, find_contacts
+from ._distance_images import DistanceImages, distance_images
+from ._extrinsics import ExtrinsicChange, changed, no_change
+from ._placement import body_middles
+from ._recording import Recording
+from ._sight_lines import SightLines, sight_lines
+from ._stacks import single_precision
+from ._views import MIN_VIEWS, lost_views, silhouette_areas
+
+FRAMES = 40
+"""Frames that are used by default: the errors of their masks are independent, those of more rays of a frame are not."""
+_RAYS = 300  # of a view: every fifth point of the outline of a person who is 400 px tall
+_ROUNDS = 15
+# The search ends where no unknown changes by more than this part of its prior's standard deviation.
+_CHANGE = 0.03
+# Distances reach as far as an error of this many of the prior's standard deviations moves a silhouette.
+_SIGMAS = 4.0
+# A camera whose rotation is known no better than this, in units of the prior's, was hardly seen. (What the silhouettes
+# cannot tell, a turn of the whole rig, leaves 0.6 of it in a rig of three, less in others.)
+_HARDLY = 0.8
+
+
+class RefinedCameras(eqx.Module):
+    """A rig with refined extrinsics."""
+
+    cameras: Cameras
+    """Intrinsics, sizes and names are as they were."""
+    rotation: Float[np.ndarray, "cams 3"]
+    """How each camera turned: rotation vector in its own frame (rad), ``R_new = exp(rotation) R``."""
+    shift: Float[np.ndarray, "cams 3"]
+    """How its optical centre moved, in the world (m)."""
+    before: Float[np.ndarray, " cams"]
+    """By how much rays of the outlines of each camera miss the silhouettes of the others on average (px), as given."""
+    after: Float[np.ndarray, " cams"]
+    """Likewise, refined. NaN where a camera has no outline in the frames used."""
+    hardly_seen: Bool[np.ndarray, " cams"]
+    """The silhouettes say little about these cameras: they are, but for the others' turning away, as they were."""
+    converged: bool
+    """The last round changed next to nothing."""
+    frames: Int[np.ndarray, " used"]
+    """Which frames were used."""
+
+
+def refine_cameras(
+    recording: Recording,
+    frames: int | Sequence[int] | Int[np.ndarray, " some"] = FRAMES,
+    rotation_sd: float = float(np.radians(1.0)),
+    shift_sd: float = 0.02,
+) -> RefinedCameras:
+    """Turn and move cameras until silhouettes agree: every outline's ray must touch the hull of the other views.
+
+    Robust Gauss-Newton: in each round the places where rays come nearest to the other silhouettes are looked up, and
+    the positive residuals (px) there, linear in the extrinsics, are brought down together with the prior. Intrinsics
+    and distortion stay. The silhouettes cannot tell a rigid motion or a scale of the whole rig: the prior keeps it
+    where it is. Compare rigs by [`compare_rigs`][jaxskel.compare_rigs].
+
+    Args:
+        recording: With cameras that are roughly right: twice the standard deviations or so.
+        frames: How many frames, spread over those that at least three views see the person in; or which ones.
+        rotation_sd: How far off the rotation of a camera may be about each axis (rad, standard deviation).
+        shift_sd: How far off its optical centre may be along each axis (m, standard deviation).
+
+    Returns:
+        The refined rig. Without a frame that three views see the person in, the rig as it is, not converged.
+
+    Raises:
+        ValueError: A frame that the recording does not have, or a standard deviation that is none.
+    """
+    for name, value in (("rotation_sd", rotation_sd), ("shift_sd", shift_sd)):
+        if not 0 < value < np.inf:
+            raise ValueError(f"{name} {value}: give a standard deviation above zero, in radians or metres")
+    # Names are no numbers, and other names would compile again.
+    given = replace(recording.cameras, names=tuple(map(str, range(len(recording.cameras)))))
+    chosen, lost = _frames(recording, frames)
+    if len(chosen) == 0:
+        return _unrefined(recording.cameras)
+
+    outlines = _outlines(np.asarray(recording.silhouettes[chosen]), given, lost, rotation_sd)
+    units = np.repeat((rotation_sd, shift_sd), 3)
+    unknowns, spread, converged = np.zeros((len(given), 6)), np.ones((len(given), 6)), False
+    found = outlines.seen_by(given)
+    before = outlines.missed(found)
+    for _ in range(_ROUNDS):
+        # The prior holds what the silhouettes cannot tell so weakly that single precision would lose it.
+        with jax.enable_x64(True):
+            step = jax.tree.map(np.asarray, camera_step(found, unknowns, units, np.array(noise_of(found.value))))
+        change, unknowns, spread = np.abs(step.unknowns - unknowns).max(), step.unknowns, step.spread
+        found = outlines.seen_by(_moved(given, unknowns * units))
+        if change < _CHANGE:
+            converged = True
+            break
+    total = unknowns * units
+    return RefinedCameras(
+        cameras=_moved(recording.cameras, total),
+        rotation=total[:, :3],
+        shift=total[:, 3:],
+        before=before,
+        after=outlines.missed(found),
+        hardly_seen=np.sqrt((spread[:, :3] ** 2).mean(1)) > _HARDLY,
+        converged=converged,
+        frames=chosen,
+    )
+
+
+class _Outlines(eqx.Module):
+    """What the rig is refined by."""
+
+    lines: SightLines
+    images: DistanceImages
+    middles: Float[np.ndarray, "frames 3"]
+
+    def seen_by(self, rig: Cameras) -> Sensitivity:
+        """Residuals of a rig, the contacts looked up anew; in double precision."""
+        contacts = find_contacts(
+            single_precision(rig), single_precision(self.lines), self.images, single_precision(self.middles)
+        )
+        with jax.enable_x64(True):
+            return jax.tree.map(np.asarray, sensitivity(rig, self.lines, self.images, _double(contacts)))
+
+    def missed(self, found: Sensitivity) -> Float[np.ndarray, " cams"]:
+        """Means of the positive residuals over the rays of each camera (px)."""
+        camera, told = self.lines.camera.ravel(), found.value > NOTHING
+        count = np.bincount(camera[told], minlength=found.slopes.shape[1])
+        total = np.bincount(camera[told], np.maximum(found.value[told], 0.0), minlength=found.slopes.shape[1])
+        return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def _outlines(
+    silhouettes: UInt8[np.ndarray, "frames cams h w8"],
+    cameras: Cameras,
+    lost: Bool[np.ndarray, "frames cams"],
+    rotation_sd: float,
+) -> _Outlines:
+    focal = float(np.asarray(cameras.K)[:, 0, 0].max())
+    images = distance_images(silhouettes, cameras, lost, int(np.ceil(_SIGMAS * rotation_sd * focal)))
+    lines = sight_lines(silhouettes, cameras, lost, images, _RAYS)
+    return _Outlines(lines, jax.device_put(images), body_middles(cameras, silhouettes, lost))
+
+
+def _frames(
+    recording: Recording, frames: int | Sequence[int] | Int[np.ndarray, " some"]
+) -> tuple[Int[np.ndarray, " chosen"], Bool[np.ndarray, "chosen cams"]]:
+    """Numbers of the frames to use, and the views that are lost in them."""
+    if isinstance(frames, int):
+        if frames < 1:
+            raise ValueError(f"frames {frames}: give one or more, or the numbers of the frames to use")
+        asked = np.arange(len(recording))
+    else:
+        asked = np.unique(np.asarray(frames, int))
+        outside = asked[(asked < 0) | (asked >= len(recording))]
+        if len(outside):
+            raise ValueError(f"{recording.name}: there is no frame {outside[0]}; give 0 to {len(recording) - 1}")
+    lost = np.zeros((0, len(recording.cameras)), bool)
+    if len(asked):
+        lost = lost_views(silhouette_areas(recording.silhouettes)[asked], recording.cameras)
+    usable = np.flatnonzero((~lost).sum(1) >= MIN_VIEWS)
+    if isinstance(frames, int) and len(usable):
+        usable = usable[np.unique(np.linspace(0, len(usable) - 1, frames).astype(int))]
+    return asked[usable], lost[usable]
+
+
+def _moved(cameras: Cameras, unknowns: Float[np.ndarray, "cams 6"]) -> Cameras:
+    with jax.enable_x64(True):
+        moved = changed(cameras, ExtrinsicChange(unknowns[:, :3], unknowns[:, 3:]))
+        return eqx.tree_at(lambda c: (c.R, c.t), cameras, (np.asarray(moved.R), np.asarray(moved.t)))
+
+
+def _double(contacts: Contacts) -> Contacts:
+    return jax.tree.map(lambda a: np.asarray(a, np.float64) if a.dtype.kind == "f" else np.asarray(a), contacts)
+
+
+def _unrefined(cameras: Cameras) -> RefinedCameras:
+    count, change = len(cameras), no_change(cameras)
+    nothing = np.full(count, np.nan)
+    return RefinedCameras(
+        cameras, np.asarray(change.rotation), np.asarray(change.shift), nothing, nothing, np.ones(count, bool), False,
+        np.zeros(0, int),
+    )  # fmt: skip
