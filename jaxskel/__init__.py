@@ -71,6 +71,8 @@ from ._poses import Status as Status
 from ._poses import join_poses as join_poses
 from ._prepare import prepare as prepare
 from ._prepared import Prepared as Prepared
+from ._problem import RefinementProblem as RefinementProblem
+from ._problem import refinement_problem as refinement_problem
 from ._projection import ProjectionTable as ProjectionTable
 from ._projection import projection_table as projection_table
 from ._recording import Recording as Recording

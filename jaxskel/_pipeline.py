@@ -74,11 +74,8 @@ def reconstruct_batch(
     status, good = seen.status, seen.frames
     if len(good):
         objective = settings.objective_for(prepared.body)
-        work = _Work(seen, silhouettes, cameras, prepared, settings, objective, stopwatch)
-        if settings.search is None:
-            start = _by_graph(work)
-        else:
-            start, track = _by_search(work, settings.search, recording.fps, track)
+        work = Work(seen, silhouettes, cameras, prepared, settings, objective, stopwatch)
+        start, track = start_of(work, recording.fps, track)
         with stopwatch("refine"):
             refined = _refined(start.poses, start.observed, prepared, objective, settings)
         status[good[~start.plausible]] = Status.NO_MATCH
@@ -125,7 +122,7 @@ def reconstruct(recording: Recording, settings: Settings | None = None) -> Poses
     return join_poses(reconstruct_batches(recording, settings))
 
 
-class _Work(NamedTuple):
+class Work(NamedTuple):
     """A batch with people in it."""
 
     seen: Seen
@@ -135,7 +132,7 @@ class _Work(NamedTuple):
     prepared: Prepared
     settings: Settings
     objective: Objective
-    stopwatch: Stopwatch
+    stopwatch: Stopwatch = lambda _: nullcontext()
 
     def labelled(self, people: Int[np.ndarray, " some"]) -> "_Labelled":
         """The labelled graphs of some of the people."""
@@ -153,7 +150,7 @@ class _Labelled(NamedTuple):
     sides: Float[np.ndarray, " frames"]
 
 
-class _Start(NamedTuple):
+class Start(NamedTuple):
     """Where the refinement starts, and what is known before it."""
 
     poses: Pose
@@ -163,7 +160,13 @@ class _Start(NamedTuple):
     confidence: Callable[[Refined], Float[np.ndarray, "frames joints=15"]]
 
 
-def _by_graph(work: _Work) -> _Start:
+def start_of(work: Work, fps: float, track: Track | None = None) -> tuple[Start, Track | None]:
+    """Where the refinement starts, as the settings ask for it."""
+    search = work.settings.search
+    return (_by_graph(work), track) if search is None else _by_search(work, search, fps, track)
+
+
+def _by_graph(work: Work) -> Start:
     """The labelled graph gives the pose (Sect. 3.3)."""
     skeleton = work.prepared.skeleton
     graphs, limbs, facing, sides = work.labelled(np.arange(len(work.seen.frames)))
@@ -172,10 +175,10 @@ def _by_graph(work: _Work) -> _Start:
         return joint_confidence(np.asarray(refined.joints), np.asarray(refined.tips), limbs, skeleton)
 
     poses = initial_poses(limbs, facing, skeleton)
-    return _Start(poses, observed_graph(limbs), _plausible(graphs, limbs, skeleton), sides, confidence)
+    return Start(poses, observed_graph(limbs), _plausible(graphs, limbs, skeleton), sides, confidence)
 
 
-def _by_search(work: _Work, search: Search, fps: float, track: Track | None) -> tuple[_Start, Track | None]:
+def _by_search(work: Work, search: Search, fps: float, track: Track | None) -> tuple[Start, Track | None]:
     """The graph proposes, the silhouettes decide."""
     seen, prepared, tracking, objective = work.seen, work.prepared, work.settings.tracking, work.objective
     people = np.arange(len(seen.frames))
@@ -204,7 +207,7 @@ def _by_search(work: _Work, search: Search, fps: float, track: Track | None) -> 
         plausible = _unexplained(found.best, observed, prepared.body) < _UNEXPLAINED
         unusual = dear(None if costs is None else costs.typical)
         trust = searched_confidence(_joints(found, prepared.skeleton), found.cost, unusual)
-    return _Start(found.best, observed, plausible, sides, lambda _: trust), track
+    return Start(found.best, observed, plausible, sides, lambda _: trust), track
 
 
 def _refined(

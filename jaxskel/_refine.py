@@ -109,8 +109,10 @@ def refine_frames(
     Returns:
         Poses, costs by term and the solver's outcome for every frame. A frame that fails does not harm the others.
     """
-    return jax.lax.map(
-        lambda each: refine_frame(objective, parametrisation, solver, skeleton, each[0], each[1], rounds, max_steps),
-        (initial, observed),
-        batch_size=_AT_ONCE,
-    )
+
+    def one(each: tuple[Int[Array, ""], Pose]) -> Refined:
+        # Looked up in the stack: cut out of it, silhouettes would be copied.
+        frame = observed.of(each[0])
+        return refine_frame(objective, parametrisation, solver, skeleton, each[1], frame, rounds, max_steps)
+
+    return jax.lax.map(one, (jnp.arange(len(initial.root), dtype=jnp.int32), initial), batch_size=_AT_ONCE)

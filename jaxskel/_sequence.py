@@ -27,8 +27,8 @@ def refine_sequence(
     skeleton: Skeleton,
     initial: Pose,
     observed: Observed,
-    rounds: int = 2,
-    max_steps: int = 8,
+    rounds: int = 3,
+    max_steps: int = 2,
 ) -> Refined:
     """Refine the poses of consecutive frames together, with time and memory that grow linearly with their number.
 
@@ -74,13 +74,15 @@ def refine_sequence(
         return jax.vmap(lambda u, one: parametrisation.moved(u, one, skeleton))(unknowns, base)
 
     def residuals(unknowns: Float[Array, "frames unknowns"], args: Any) -> Coupled:
-        base, fixed = args
-        base = moved(unknowns, base)
-        placed = bodies(base)
-        own = jax.vmap(objective.residuals)(placed, observed, fixed)
-        own = {name: jnp.where(seen.reshape(-1, *[1] * (rows.ndim - 1)), rows, 0.0) for name, rows in own.items()}
-        held = jax.vmap(lambda one: parametrisation.held(one, skeleton))(base)
-        return Coupled(own | held, _couplings(objective, placed))
+        def one(each: Any) -> dict[str, Array]:
+            unknowns, (base, fixed), frame, used = each
+            base = parametrisation.moved(unknowns, base, skeleton)
+            own = objective.residuals(parametrisation.placed(base, skeleton), frame, fixed)
+            own = {name: jnp.where(used, rows, 0.0) for name, rows in own.items()}
+            return own | parametrisation.held(base, skeleton)
+
+        own = jax.lax.map(one, (unknowns, args, observed, seen), batch_size=_AT_ONCE)
+        return Coupled(own, _couplings(objective, bodies(moved(unknowns, args[0]))))
 
     def one_round(base: Any, _: None) -> tuple[Any, tuple[Array, Array]]:
         fixed = one_by_one(lambda one, frame: objective.correspond(parametrisation.placed(one, skeleton), frame), base)

@@ -1,0 +1,126 @@
+"""Refinement alone on one sequence file: a solve again with other weights and another term, and a whole sequence.
+
+    taskset -c 0 python benchmarks/refine.py SEQUENCE.npz [--frames 300] [--repeat 5]
+
+For the paper's objective and the default one: milliseconds a frame, medians over the repetitions, of the first frames
+of the file refined each by itself again, from where they were, with new weights and a new custom term; then of all
+frames refined jointly, coupled by `Smoothness`, for which they must follow each other closely. Pin the process to one
+core, as above, to measure what one core does.
+"""
+
+import argparse
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxskel import (
+    Refined,
+    RefinementProblem,
+    Settings,
+    default_solver,
+    paper_settings,
+    read_recording,
+    refine_frames,
+    refine_sequence,
+    refinement_problem,
+    sequence_solver,
+)
+from jaxskel.cli._cache import keep_compiled
+from jaxskel.terms import Smoothness, from_function
+
+ALONE = 64
+TRACES = []
+
+
+def reach(body, observed, hand, target):
+    """A custom term: a hand is drawn to a point."""
+    count()
+    return (body.joints[5] * hand + body.joints[8] * (1 - hand)) - target
+
+
+def count() -> None:
+    TRACES.append(1)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("sequence", type=Path)
+    parser.add_argument("--frames", type=int, default=300)
+    parser.add_argument("--repeat", type=int, default=5)
+    arguments = parser.parse_args()
+    keep_compiled()
+    recording = read_recording(arguments.sequence)[: arguments.frames]
+    print("| objective | solve | frames | ms a frame | traced again | converged | median error |")
+    print("|---|---|---|---|---|---|---|")
+    for name, settings in (("paper", paper_settings()), ("default", Settings())):
+        problem = refinement_problem(recording, settings)
+        alone(name, problem, settings, arguments.repeat)
+        together(name, problem, settings, recording.fps, arguments.repeat)
+
+
+def alone(name: str, problem: RefinementProblem, settings: Settings, repeat: int) -> None:
+    """Frames by themselves: first from the start, then again from there."""
+    count = min(ALONE, len(problem.frames))
+    initial, observed = jax.tree.map(lambda a: a[:count], (problem.initial, problem.observed))
+    objective = settings.objective_for(problem.body).plus(reach=from_function(reach, 1.0, np.zeros(3), weight=0.01))
+    solver = default_solver()
+
+    def solved(objective, initial) -> Refined:
+        return refine_frames(
+            objective, settings.parametrisation, solver, problem.skeleton, initial, observed,
+            settings.rounds, settings.max_steps,
+        )  # fmt: skip
+
+    first = solved(objective, initial)
+    traced, rng = len(TRACES), np.random.default_rng(0)
+    heaviest = next(iter(objective.terms))
+    weight = float(objective.terms[heaviest].weight)
+
+    def again() -> Refined:
+        term = from_function(reach, float(rng.integers(2)), rng.normal(size=3), weight=rng.uniform(0.005, 0.02))
+        return solved(objective.plus(reach=term).weighted(**{heaviest: weight * rng.uniform(0.8, 1.25)}), first.pose)
+
+    report(name, f"again, {settings.rounds} rounds", again, count, repeat, problem, traced)
+
+
+def together(name: str, problem: RefinementProblem, settings: Settings, fps: float, repeat: int) -> None:
+    """All frames at once."""
+    objective = settings.objective_for(problem.body).plus(smooth=Smoothness(fps=fps, weight=0.02))
+    solver = sequence_solver()
+
+    def solved() -> Refined:
+        return refine_sequence(
+            objective, settings.parametrisation, solver, problem.skeleton, problem.initial, problem.observed
+        )
+
+    solved()
+    report(name, "jointly", solved, len(problem.frames), repeat, problem, len(TRACES))
+
+
+def report(
+    name: str, solve: str, work: Callable[[], Refined], count: int, repeat: int, problem: RefinementProblem, traced: int
+) -> None:
+    """Time some work and print a row."""
+    times, result = [], None
+    for _ in range(repeat):
+        start = time.perf_counter()
+        result = jax.block_until_ready(work())
+        times.append(1e3 * (time.perf_counter() - start) / count)
+    assert result is not None
+    error = "-"
+    if problem.truth is not None:
+        apart = jnp.linalg.norm(result.joints - problem.truth[:count], axis=-1)
+        error = f"{1e3 * float(jnp.median(apart)):.1f} mm"
+    share = 100 * float(result.converged.mean())
+    print(
+        f"| {name} | {solve} | {count} | {np.median(times):.2f} | {len(TRACES) - traced} | {share:.0f} % | {error} |",
+        flush=True,
+    )
+
+
+if __name__ == "__main__":
+    main()

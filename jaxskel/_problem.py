@@ -1,0 +1,71 @@
+"""The refinement as a problem of its own: for notebooks that swap objectives."""
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import Float, Int
+
+from ._body import Body
+from ._observe import see_people
+from ._pipeline import BATCH, Work, start_of
+from ._prepare import prepare
+from ._prepared import Prepared
+from ._recording import Recording
+from ._settings import Settings
+from ._skeleton import Pose, Skeleton
+from ._stacks import single_precision
+from .terms import Observed
+
+
+class RefinementProblem(eqx.Module):
+    """All that `refine_frames` needs but an objective, in a world with z up. See [`refinement_problem`][]."""
+
+    frames: Int[np.ndarray, " people"]
+    """The frames that show a person, counted from the recording's first; what follows is of these."""
+    initial: Pose
+    """Where the search ended, or, without one, where the labelled graph led."""
+    observed: Observed
+    skeleton: Skeleton
+    body: Body
+    """The subject with flesh, for terms about volume."""
+    truth: Float[np.ndarray, "people joints=15 3"] | None
+    """True joints (m), where the recording has any; in the world with z up."""
+
+
+def refinement_problem(
+    recording: Recording, settings: Settings | None = None, prepared: Prepared | None = None
+) -> RefinementProblem:
+    """Do all that comes before the refinement.
+
+    With ``Settings(search=None)`` the graph alone says where to start, which is quick; ``observed`` has outlines and
+    silhouettes only with a search, and the hull only where the settings' objective looks at it. A frame takes 3 MB per
+    ten views then: pass some of the frames of a long recording.
+
+    Raises:
+        ValueError: No frame shows a person.
+    """
+    settings = settings or Settings()
+    prepared = prepared or prepare(recording, settings)
+    cameras = recording.cameras.rotated(prepared.to_z_up)
+    frames, starts = [], []
+    for first in range(0, len(recording), BATCH):
+        silhouettes = recording.silhouettes[first : first + BATCH]
+        seen = see_people(silhouettes, cameras, prepared)
+        if len(seen.frames):
+            objective = settings.objective_for(prepared.body)
+            start, _ = start_of(Work(seen, silhouettes, cameras, prepared, settings, objective), recording.fps)
+            frames.append(first + seen.frames)
+            starts.append(start)
+    if not starts:
+        raise ValueError(f"{recording.name}: no frame shows one whole person; see `jaxskel check`")
+    chosen = np.concatenate(frames)
+    truth = None if recording.truth is None else recording.truth.joints[chosen] @ prepared.to_z_up.T
+    initial, observed = _joined([(start.poses, start.observed) for start in starts])
+    skeleton, body = single_precision((prepared.skeleton, prepared.body))
+    return RefinementProblem(chosen, initial, observed, skeleton, body, truth)
+
+
+def _joined(stacks: list[tuple[Pose, Observed]]) -> tuple[Pose, Observed]:
+    """Stacks of frames one after the other, in single precision and on the device."""
+    joined = jax.tree.map(lambda *parts: np.concatenate([np.asarray(part) for part in parts]), *stacks)
+    return jax.device_put(single_precision(joined))
