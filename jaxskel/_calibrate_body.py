@@ -148,9 +148,7 @@ def calibrate_body(
     return CalibratedBody(body.skeleton, body, lengths, Costs(float(low), float(typical)), int(used.sum()))
 
 
-def _look(
-    recording: Recording, settings: Settings, template: Skeleton | None, frames: int
-) -> tuple[Skeleton, _Sight]:
+def _look(recording: Recording, settings: Settings, template: Skeleton | None, frames: int) -> tuple[Skeleton, _Sight]:
     """The template, and what some frames show, a batch at a time."""
     unknown = eqx.tree_at(lambda r: r.skeleton, recording, template, is_leaf=lambda leaf: leaf is None)
     prepared = prepare(unknown, replace(settings, search=None))

@@ -17,9 +17,7 @@ _ENDS = (
 )  # fmt: skip
 _POINTS = JOINT_NAMES + TIP_NAMES
 _PARENTS = np.array(JOINT_PARENTS + TIP_PARENTS, np.int32)
-_LENGTH_OF_POINT = np.array(
-    [_ENDS.index(name.removeprefix("l_").removeprefix("r_")) for name in _POINTS[1:]], np.int32
-)
+_LENGTH_OF_POINT = np.array([_ENDS.index(name.removeprefix("l_").removeprefix("r_")) for name in _POINTS[1:]], np.int32)
 _FINGERTIPS = np.array([_POINTS.index("l_fingertip"), _POINTS.index("r_fingertip")], np.int32)
 _THINNEST = 0.010  # m, of a ball
 
