@@ -17,10 +17,21 @@ import numpy as np
 from accuracy import score_against_truth
 from jaxtyping import Float
 
-from jaxskel import Recording, Skeleton, calibrate_body, default_adult, read_recording, reconstruct
-from jaxskel.metrics import join_scores
+from jaxskel import (
+    CalibratedBody,
+    Recording,
+    Settings,
+    Skeleton,
+    calibrate_body,
+    default_adult,
+    read_recording,
+    reconstruct,
+)
+from jaxskel.metrics import Score, join_scores
 
-HEADER = "| sequence | start | worst bone | second worst | known dimensions | calibrated | seconds |\n|---|---|---|---|---|---|---|"
+COLUMNS = ("sequence", "start", "worst bone", "second worst", "known dimensions", "calibrated", "seconds")
+HEADER = f"| {' | '.join(COLUMNS)} |
+{'|---' * len(COLUMNS)}|"
 BONES = ("trunk", "neck", "shoulder", "upper_arm", "forearm", "hip", "thigh", "shank")
 _ENDS = (0, 1, 2, 3, 4, 8, 9, 10)  # of left and right the left one
 
