@@ -30,8 +30,7 @@ from jaxskel import (
 from jaxskel.metrics import Score, join_scores
 
 COLUMNS = ("sequence", "start", "worst bone", "second worst", "known dimensions", "calibrated", "seconds")
-HEADER = f"| {' | '.join(COLUMNS)} |
-{'|---' * len(COLUMNS)}|"
+HEADER = f"| {' | '.join(COLUMNS)} |\n{'|---' * len(COLUMNS)}|"
 BONES = ("trunk", "neck", "shoulder", "upper_arm", "forearm", "hip", "thigh", "shank")
 _ENDS = (0, 1, 2, 3, 4, 8, 9, 10)  # of left and right the left one
 
