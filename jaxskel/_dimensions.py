@@ -25,12 +25,12 @@ _THINNEST = 0.010  # m, of a ball
 # sex at a given stature (Gordon et al. 2014, ANSUR II); where exactly a joint centre lies differs by some 3 cm between
 # protocols (Della Croce et al. 2005), which matters to short bones more. The height of the head is known to 5 %.
 _SHARE, _CENTRE = 0.05, 0.03
-# Likewise for the places of balls relative to the joints (m), and for radii (share). Hips and seat are wide, and turn
-# with different segments: between them they tell where the hip joint is, so neither may slide far. Fingers may be
-# open or closed.
+# Likewise for the places of balls relative to the joints (m; to the front, to the left, up, where they differ), and for
+# radii (share). Hips and seat turn with different segments: between them they tell where the hip joint is, so neither
+# may slide far, except along the thigh, which is alike all the way. Fingers may be open or closed.
 _LIMB_PLAY, _END_PLAY, _TRUNK_PLAY, _RADIUS_PLAY = 0.002, 0.005, 0.012, 0.2
-_PLAYS = {
-    "hip": 0.005, "seat": 0.006, "palm": 0.006, "finger": 0.015,
+_PLAYS: dict[str, float | tuple[float, float, float]] = {
+    "hip": (0.005, 0.005, 0.025), "seat": 0.006, "palm": 0.006, "finger": 0.015,
     **dict.fromkeys(("shoulder", "elbow", "forearm", "wrist", "knee", "calf", "ankle"), _LIMB_PLAY),
     **dict.fromkeys(("heel", "ball", "toe"), _END_PLAY),
 }  # fmt: skip
@@ -115,8 +115,8 @@ def _balls_precision(template: Skeleton) -> Float[np.ndarray, " unknowns"]:
     radii, rows = np.asarray(make_body(template).radii), []
     for ball in FREE_BALLS:
         name = BALL_NAMES[ball]
-        play = _PLAYS.get(name.removeprefix("l_"), _TRUNK_PLAY)
-        rows.append([play, play if name.startswith("l_") else _NO_PLAY, play, _RADIUS_PLAY * radii[ball]])
+        front, out, up = np.broadcast_to(_PLAYS.get(name.removeprefix("l_"), _TRUNK_PLAY), 3)
+        rows.append([front, out if name.startswith("l_") else _NO_PLAY, up, _RADIUS_PLAY * radii[ball]])
     return np.ravel(rows) ** -2.0
 
 
