@@ -82,7 +82,7 @@ def test_quadrics_have_the_slope_of_finite_differences(scene, kind):
         change = np.concatenate([np.tile(shift, (len(LINKS), 2)), growth[LINKS]], 1)
         slope = -2 * quadrics.vector * change
         # The linear distance leaves out what a taper does, see `capsule_distance`.
-        np.testing.assert_allclose((ahead - behind) / 2e-5, slope.sum(), atol=0.02 * np.abs(slope).sum())
+        np.testing.assert_allclose((ahead - behind) / 2e-5, slope.sum(), atol=0.05 * np.abs(slope).sum())
         np.testing.assert_allclose(quadrics.squared, (weight * far(0.0)[0] ** 2).sum(), rtol=1e-6)
 
 

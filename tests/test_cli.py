@@ -239,7 +239,7 @@ def test_calibrate_body_writes_a_subject_and_says_so(tmp_path):
     assert done.returncode == 0, done.stderr
     last = done.stdout.strip().splitlines()[-1]
     assert last.startswith("subject.toml: 11 lengths of a subject of 1.")
-    assert "looking" in done.stderr
+    assert "judging" in done.stderr
     for name in ("upper_arm", "thigh", "± mm"):
         assert name in done.stdout
     body = read_body(tmp_path / "subject.toml")
