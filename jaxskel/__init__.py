@@ -15,6 +15,9 @@ from ._body import ball_centres as ball_centres
 from ._body import make_body as make_body
 from ._calibrate import Calibrated as Calibrated
 from ._calibrate import calibrate as calibrate
+from ._calibrate_body import CalibratedBody as CalibratedBody
+from ._calibrate_body import MeasuredLength as MeasuredLength
+from ._calibrate_body import calibrate_body as calibrate_body
 from ._camera import Cameras as Cameras
 from ._camera import make_cameras as make_cameras
 from ._camera import project as project

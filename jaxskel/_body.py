@@ -4,6 +4,8 @@ A tapered capsule is the convex hull of two balls. Each ball is fixed to one rig
 capsule whose balls belong to different segments bridges the joint between them and stays closed when it bends.
 """
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -31,6 +33,14 @@ BALL_NAMES = (
     "r_hip", "r_knee", "r_calf", "r_ankle", "r_heel", "r_ball", "r_toe",
 )  # fmt: skip
 """Balls of the body that [`make_body`][] makes."""
+
+_LIKE = [name.replace("r_", "l_", 1) if name.startswith("r_") else name for name in BALL_NAMES]
+FREE_BALLS = tuple(ball for ball, name in enumerate(BALL_NAMES) if _LIKE[ball] == name)
+"""Balls of the left and of the middle; those of the right are like those of the left."""
+LIKE_BALL = np.array([FREE_BALLS.index(BALL_NAMES.index(name)) for name in _LIKE], np.int32)
+"""For each ball, which of `FREE_BALLS` it is like."""
+BALL_SIDES = np.array([-1.0 if name.startswith("r_") else 1.0 for name in BALL_NAMES])
+"""Sign of y of each ball relative to the one that it is like."""
 
 _MIDDLE_LINKS = (
     ("l_seat", "r_seat"), ("l_waist", "r_waist"), ("l_chest", "r_chest"), ("nape", "face"), ("face", "crown"),
@@ -88,15 +98,18 @@ def make_body(skeleton: Skeleton) -> Body:
     woman (two skinned meshes), fitted to their visual hulls at known joints.
     """
     names = JOINT_NAMES + TIP_NAMES + PIVOT_NAMES
-    points = np.concatenate([skeleton.rest_joints, skeleton.rest_tips, skeleton.pivots]).astype(np.float64)
-    rest: dict[str, np.ndarray] = dict(zip(names, points, strict=True))
-    size = skeleton.stature
+    # In double precision where it is not traced: a derivative by the skeleton is that of this function.
+    xp = skeleton.rest_joints.__array_namespace__()
+    points = xp.concatenate([skeleton.rest_joints, skeleton.rest_tips, skeleton.pivots])
+    points = points.astype(np.float64) if xp is np else points
+    rest: dict[str, Any] = dict(zip(names, points, strict=True))
+    size = skeleton.height
     spine = rest["neck"] - rest["pelvis"]
 
-    def off(point: np.ndarray, front: float, out: float, up: float, sign: float = 0.0) -> np.ndarray:
+    def off(point: Any, front: float, out: float, up: float, sign: float = 0.0) -> Any:
         return point + size * np.array([front, sign * out, up])
 
-    balls: dict[str, tuple[str, np.ndarray, float]] = {
+    balls: dict[str, tuple[str, Any, float]] = {
         "nape": ("chest", off(rest["neck"], -0.002, 0.0, -0.019), 0.035),
         "face": ("head", off((rest["neck"] + rest["head_top"]) / 2, 0.011, 0.0, -0.012), 0.045),
         "crown": ("head", off(rest["head_top"], -0.003, 0.0, -0.053), 0.052),
@@ -126,7 +139,7 @@ def make_body(skeleton: Skeleton) -> Body:
             balls[side + name] = (carrier, off(point, front, out, up, sign), radius)
     ordered = [balls[name] for name in BALL_NAMES]
     segments = np.array([SEGMENT_NAMES.index(segment) for segment, _, _ in ordered], np.int32)
-    offsets = np.array([point for _, point, _ in ordered]) - np.asarray(rest_origins(skeleton))[segments]
+    offsets = xp.stack([point for _, point, _ in ordered]) - rest_origins(skeleton)[segments]
     return Body(skeleton, segments, offsets, size * np.array([radius for _, _, radius in ordered]), LINKS)
 
 

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ._body import BALL_NAMES, Body, capsule_ends
+from ._body import BALL_NAMES, BALL_SIDES, FREE_BALLS, LIKE_BALL, Body, capsule_ends
 from ._capsules import nearest_to_rays
 from ._contours import Contours
 from ._fits import fit_poses, fit_scales
@@ -83,19 +83,18 @@ def _updated(body: Body, poses: Pose, outlines: Contours) -> Body:
     links, part, distance = links[used], part[used], distance[used]
     weight = 1 / (1 + (distance / _SCALE) ** 2) ** 2 / _ALIKE
 
-    free, mirrored = _mirrored()
-    rows = np.zeros((len(distance), 4 * len(free)))
+    rows = np.zeros((len(distance), 4 * len(FREE_BALLS)))
     every = np.arange(len(distance))
     for end, share in ((0, 1 - part), (1, part)):
         ball = links[:, end]
-        normal = normals.reshape(-1, 2, 3)[used, end] * mirrored[ball][:, None] ** [0, 1, 0]
+        normal = normals.reshape(-1, 2, 3)[used, end] * BALL_SIDES[ball][:, None] ** [0, 1, 0]
         for column in range(3):
-            rows[every, 4 * _OWN[ball] + column] += share * normal[:, column]
-        rows[every, 4 * _OWN[ball] + 3] += share
-    play = np.concatenate([_play(BALL_NAMES[ball]) for ball in free])
+            rows[every, 4 * LIKE_BALL[ball] + column] += share * normal[:, column]
+        rows[every, 4 * LIKE_BALL[ball] + 3] += share
+    play = np.concatenate([_play(BALL_NAMES[ball]) for ball in FREE_BALLS])
     matrix = (rows * weight[:, None]).T @ rows + np.diag((_SCALE / play) ** 2)
-    change = np.linalg.solve(matrix, rows.T @ (weight * distance)).reshape(-1, 4)[_OWN]
-    offsets = np.asarray(body.offsets) + change[:, :3] * mirrored[:, None] ** [0, 1, 0]
+    change = np.linalg.solve(matrix, rows.T @ (weight * distance)).reshape(-1, 4)[LIKE_BALL]
+    offsets = np.asarray(body.offsets) + change[:, :3] * BALL_SIDES[:, None] ** [0, 1, 0]
     radii = np.maximum(np.asarray(body.radii) + change[:, 3], _THINNEST)
     return Body(body.skeleton, body.segments, offsets, radii, body.links)
 
@@ -117,17 +116,6 @@ def _nearest(
         return near.capsule, near.part, near.distance, jnp.einsum("reji,rj->rei", turned, near.normal)
 
     return jax.vmap(one)(poses, outlines)
-
-
-def _mirrored() -> tuple[list[int], Float[np.ndarray, " balls"]]:
-    """Balls that have unknowns of their own, and the sign of y of each ball relative to the one it is like."""
-    free = [ball for ball, name in enumerate(BALL_NAMES) if not name.startswith("r_")]
-    return free, np.array([-1.0 if name.startswith("r_") else 1.0 for name in BALL_NAMES])
-
-
-_FREE = _mirrored()[0]
-_OWN = np.array([_FREE.index(BALL_NAMES.index(name.replace("r_", "l_", 1) if name.startswith("r_") else name))
-                 for name in BALL_NAMES])  # fmt: skip
 
 
 def _play(name: str) -> Float[np.ndarray, "4"]:

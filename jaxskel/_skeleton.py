@@ -39,6 +39,7 @@ _ORIGIN_JOINTS = np.array(
     [JOINT_PARENTS[SEGMENT_OF_JOINT.index(s, 1)] for s in range(len(SEGMENT_NAMES) - 4)], np.int32
 )
 _TIP_JOINTS, _TIP_SEGMENTS = np.array(TIP_PARENTS, np.int32), np.array(SEGMENT_OF_TIP, np.int32)
+_BALLS_OF_FEET = np.array([11, 14], np.int32)
 _PIVOT_BONES = np.array([[4, 7], [5, 8], [10, 13], [11, 14]], np.int32)  # elbows, palms, knees, balls of the feet
 
 # Rigid parts of the skeleton: from where to where, joints and then pivots, and on which segment. A bone with a pivot in
@@ -118,20 +119,25 @@ class Skeleton(eqx.Module):
         The palm is the middle of the hand, 0.29 of the way from elbow to palm beyond the wrist (de Leva 1996). The
         ankle stands behind and above the ball of the foot (Winter; 0.071 and 0.027 of the stature).
         """
-        joints = self.rest_joints
+        joints, height = self.rest_joints, self.height
         xp = joints.__array_namespace__()
         elbows, palms, knees, balls = (joints[_PIVOT_BONES[row]] for row in range(4))
-        height = self.rest_tips[0, 2] - xp.minimum(balls[:, 2].min(), self.rest_tips[3:, 2].min())
         ankles = xp.stack(
             [balls[:, 0] - 0.071 * height, (knees[:, 1] + 3 * balls[:, 1]) / 4, balls[:, 2] + 0.027 * height], -1
         )
         return xp.concatenate([palms + 0.29 * (elbows - palms), ankles])
 
     @property
-    def stature(self) -> float:
+    def height(self) -> Float[Array | np.ndarray | np.floating, ""]:
         """Standing height (m): from the lower toe tip or ball of the foot to the top of the head."""
-        joints, tips = np.asarray(self.rest_joints), np.asarray(self.rest_tips)
-        return float(tips[0, 2] - min(tips[3:, 2].min(), joints[[11, 14], 2].min()))
+        joints, tips = self.rest_joints, self.rest_tips
+        xp = joints.__array_namespace__()
+        return tips[0, 2] - xp.minimum(tips[3:, 2].min(), joints[_BALLS_OF_FEET, 2].min())
+
+    @property
+    def stature(self) -> float:
+        """Standing height (m) as a plain number, which cannot be differentiated."""
+        return float(self.height)
 
     def scaled(self, factor: float) -> "Skeleton":
         """The same skeleton with every length multiplied by `factor`."""

@@ -12,13 +12,14 @@ from unittest.mock import patch
 import jaxtyping
 import numpy as np
 import pytest
+from measured import film_person, other_person
 from rich.console import Console
 
 from jaxskel import JOINT_NAMES, STATUS_NAMES
 from jaxskel.cli import main
 from jaxskel.cli._demo import _speed
 from jaxskel.cli._progress import StageTimes
-from jaxskel.io import read_poses, read_truth, write_recording
+from jaxskel.io import read_body, read_poses, read_subject, read_truth, write_recording
 from jaxskel.synthetic import make_scene
 
 
@@ -229,3 +230,31 @@ def test_compiled_code_is_kept_for_the_next_run_unless_told_not_to(folder, tmp_p
     second = by_itself(*arguments, cwd=folder, JAXSKEL_NO_CACHE="", **caches)
     assert second.returncode == 0, second.stderr
     assert {file.name for file in tmp_path.rglob("compiled/*/*") if file.name.endswith("-cache")} == kept
+
+
+def test_calibrate_body_writes_a_subject_and_says_so(tmp_path):
+    recording, _ = film_person(other_person(), 10)
+    write_recording(tmp_path / "measured.npz", recording)
+    done = jaxskel("calibrate-body", "measured.npz", "-o", "subject.toml", "--max-misses", 0, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    last = done.stdout.strip().splitlines()[-1]
+    assert last.startswith("subject.toml: 11 lengths of a subject of 1.")
+    assert "judging" in done.stderr
+    for name in ("upper_arm", "thigh", "± mm"):
+        assert name in done.stdout
+    body = read_body(tmp_path / "subject.toml")
+    assert body is not None
+    assert 1.6 < read_subject(tmp_path / "subject.toml").stature < 2.0
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [(("--stature", 175), "--stature 175: give metres"), (("-o", "."), "must be a file"),
+     (("--frames", 3), "8"), ((), "8 or more")],
+)  # fmt: skip
+def test_calibrate_body_refuses_what_it_cannot_do(folder, options, why):
+    # Six frames, of which one is empty, are too few.
+    done = jaxskel("calibrate-body", "scene.npz", *options, cwd=folder)
+    assert done.returncode == 2
+    assert why in done.stderr
+    assert not (folder / "subject.toml").exists()

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from ._cache import keep_compiled
+from ._calibrate_body import calibrate_body
 from ._check import check
 from ._demo import demo
 from ._evaluate import evaluate
@@ -22,6 +23,7 @@ app.command()(demo)
 app.command()(run)
 app.command()(evaluate)
 app.command()(check)
+app.command()(calibrate_body)
 
 
 def _show_version(wanted: bool) -> None:

@@ -13,7 +13,7 @@ import typer
 from .._settings import Settings, paper_settings
 from .._smooth import smooth
 from .._track import Tracking
-from ..io import read_recording, read_subject, write_poses
+from ..io import read_body, read_recording, read_subject, write_poses
 from ._progress import StageTimes, advice, reconstruct_with_progress, summary
 
 Sequence = Annotated[Path, typer.Argument(help="Sequence file (.npz): silhouettes and cameras.")]
@@ -68,6 +68,8 @@ def run(
     settings = make_settings(preset, spacing, max_misses, box)
     if track:
         settings = replace(settings, tracking=Tracking())
+    if subject is not None:
+        settings = replace(settings, body=read_body(subject))
     times = StageTimes()
     poses, prepared = reconstruct_with_progress(recording, settings, times, jobs)
     if smooth_hz is not None:

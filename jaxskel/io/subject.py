@@ -5,6 +5,8 @@ stature = 1.75        # standing height (m)
 [lengths]             # from joint centre to joint centre (m); what is not given follows from the stature
 upper_arm = 0.29
 l_thigh = 0.43        # one side only
+
+A calibrated body adds a table of its own, see `flesh.py`.
 """
 
 import difflib
@@ -15,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from .._body import Body
 from .._files import written_whole
 from .._skeleton import (
     JOINT_NAMES,
@@ -26,6 +29,7 @@ from .._skeleton import (
     make_skeleton,
 )
 from ._archive import fault
+from .flesh import body_of, flesh_lines
 
 # The point where each length ends: it begins at the point's parent. Two-sided ones lack their l_ or r_.
 _MIDDLE = {"trunk": "neck", "neck": "head", "head_top": "head_top"}
@@ -56,7 +60,22 @@ def read_subject(path: str | Path) -> Skeleton:
         ValueError: One line that names the file, the key and how to mend it.
     """
     path = Path(path)
-    stature, lengths = _parse(path)
+    return _skeleton(path, _parse(path))
+
+
+def read_body(path: str | Path) -> Body | None:
+    """Read a subject's body, as `jaxskel calibrate-body` writes it; None where the file has only lengths.
+
+    Raises:
+        ValueError: One line that names the file, the key and how to mend it.
+    """
+    path = Path(path)
+    table = _parse(path)
+    return body_of(path, _skeleton(path, table), table["flesh"]) if "flesh" in table else None
+
+
+def _skeleton(path: Path, table: dict[str, Any]) -> Skeleton:
+    stature, lengths = _dimensions(path, table)
     adult = default_adult()
     if stature is not None:
         adult = adult.scaled(stature / adult.stature)
@@ -77,20 +96,28 @@ def read_subject(path: str | Path) -> Skeleton:
         raise fault(path, "lengths", str(error)) from None
 
 
-def write_subject(path: str | Path, skeleton: Skeleton) -> None:
-    """Write the lengths of a skeleton to the micrometre; the directions of its bones at rest are not kept."""
+def write_subject(path: str | Path, skeleton: Skeleton, body: Body | None = None) -> None:
+    """Write the lengths of a skeleton to the micrometre; the directions of its bones at rest are not kept.
+
+    Args:
+        path: File to write.
+        skeleton: The subject's dimensions.
+        body: The subject's flesh, if it has been calibrated, to be kept too.
+    """
     lengths = {point: f"{length:.6f}" for point, length in _lengths(skeleton).items()}
     lines = [f"stature = {skeleton.stature:.6f}", "", "[lengths]"]
     lines += [f"{key} = {lengths[point]}" for key, point in _MIDDLE.items()]
     for key, point in _SIDED.items():
         left, right = lengths[f"l_{point}"], lengths[f"r_{point}"]
         lines += [f"{key} = {left}"] if left == right else [f"l_{key} = {left}", f"r_{key} = {right}"]
+    if body is not None:
+        lines += ["", *flesh_lines(body)]
     with written_whole(Path(path)) as file:
         file.write(("\n".join(lines) + "\n").encode())
 
 
-def _parse(path: Path) -> tuple[float | None, dict[str, float]]:
-    """Stature, and lengths by the point where they end."""
+def _parse(path: Path) -> dict[str, Any]:
+    """What the file says, its keys checked."""
     try:
         with open(path, "rb") as file:
             content = file.read(_MAX_BYTES + 1)
@@ -103,7 +130,12 @@ def _parse(path: Path) -> tuple[float | None, dict[str, float]]:
     except (ValueError, RecursionError) as error:
         raise fault(path, None, f"is not TOML ({error}); write for example: stature = 1.75") from None
     for key in table:
-        _check_known(path, key, ["stature", "lengths"])
+        _check_known(path, key, ["stature", "lengths", "flesh"])
+    return table
+
+
+def _dimensions(path: Path, table: dict[str, Any]) -> tuple[float | None, dict[str, float]]:
+    """Stature, and lengths by the point where they end."""
     stature = None
     if "stature" in table:
         stature = _length(path, "stature", table["stature"], *_STATURES)

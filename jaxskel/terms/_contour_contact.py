@@ -29,13 +29,22 @@ class ContourContact(CapsuleTerm):
     def quadrics(self, body: PlacedBody, observed: Observed) -> Quadrics:
         """Nearest capsule, tangent plane and weight of each ray, summed up by capsule."""
         ends, near = self._nearest(body, observed)
-        weight = 1 / (1 + (near.distance / self.scale) ** 2) ** 2 * jnp.where(near.distance < 0, self.inner, 1.0)
-        return make_quadrics(ends, near.capsule, near.part, near.normal, near.distance, weight / len(weight))
+        weight = self._weight(near)
+        return make_quadrics(ends, near.capsule, near.part, near.normal, near.distance, weight)
+
+    def nearest(self, body: PlacedBody, observed: Observed) -> tuple[Grazed, Float[Array, " rays"]]:
+        """The capsule that each ray comes nearest to, and the weight of its squared distance."""
+        _, near = self._nearest(body, observed)
+        return near, self._weight(near)
 
     def cost(self, body: PlacedBody, observed: Observed) -> Float[Array, ""]:
         """Squared distances (m^2) up to the limit, as a mean over the rays."""
         distance = self._nearest(body, observed)[1].distance
         return (jnp.where(distance < 0, self.inner, 1.0) * jnp.minimum(distance**2, self.limit**2)).mean()
+
+    def _weight(self, near: Grazed) -> Float[Array, " rays"]:
+        weight = 1 / (1 + (near.distance / self.scale) ** 2) ** 2 * jnp.where(near.distance < 0, self.inner, 1.0)
+        return weight / len(weight)
 
     def _nearest(self, body: PlacedBody, observed: Observed) -> tuple[Float[Array, "capsules 2 3"], Grazed]:
         assert observed.contours is not None, "ContourContact needs observed.contours: see contours"

@@ -1,0 +1,68 @@
+"""`jaxskel calibrate-body`: a subject's bone lengths and radii from a sequence file."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from .._calibrate_body import FRAMES, STAGES, CalibratedBody
+from .._calibrate_body import calibrate_body as found_body
+from .._skeleton import default_adult
+from ..io import read_recording, write_subject
+from ._progress import progress_bar
+from ._run import MaxMisses, Preset, Sequence, Spacing, make_settings
+
+_STATURES = (0.8, 2.4)  # m
+
+
+def calibrate_body(
+    sequence: Sequence,
+    output: Annotated[Path, typer.Option("--output", "-o", help="TOML file to write, for `run --subject`.")] = Path(
+        "subject.toml"
+    ),
+    stature: Annotated[
+        float | None, typer.Option(help="Rough standing height to start from (m). Default: judged from the hulls.")
+    ] = None,
+    frames: Annotated[int, typer.Option(min=8, help="Frames to use, spread evenly.")] = FRAMES,
+    spacing: Spacing = 0.015,
+    max_misses: MaxMisses = None,
+) -> None:
+    """Find the subject's bone lengths and radii from the silhouettes; dimensions in the sequence are not looked at."""
+    if stature is not None and not _STATURES[0] < stature < _STATURES[1]:
+        raise ValueError(f"--stature {stature:g}: give metres between {_STATURES[0]} and {_STATURES[1]}")
+    if output.is_dir():
+        raise ValueError(f"{output}: the output must be a file, but this is a folder; choose another name")
+    recording = read_recording(sequence)
+    settings = make_settings(Preset.DEFAULT, spacing, max_misses, None)
+    progress, task = progress_bar(STAGES[0], len(STAGES))
+    with progress:
+
+        def on_stage(stage: str) -> None:
+            progress.update(task, description=stage, completed=STAGES.index(stage))
+
+        start = None if stature is None else default_adult(stature)
+        found = found_body(recording, settings, start, frames, on_stage)
+        progress.update(task, completed=len(STAGES))
+    write_subject(output, found.skeleton, found.body)
+    Console().print(length_table(found))
+    print(_summary(output, found))
+
+
+def length_table(found: CalibratedBody) -> Table:
+    """Lengths with their uncertainty, and what they rest on."""
+    table = Table(title=f"lengths from {found.frames} frames")
+    for column in ("length", "mm", "± mm", "guessed"):
+        table.add_column(column, justify="right" if "mm" in column else "left")
+    for name, each in found.lengths.items():
+        note = f"{' and '.join(each.still)} hardly turned" if each.still else ""
+        table.add_row(name, f"{1e3 * each.length:.0f}", f"{1e3 * each.deviation:.0f}", note)
+    return table
+
+
+def _summary(output: Path, found: CalibratedBody) -> str:
+    guessed = [name for name, each in found.lengths.items() if each.still]
+    kept = f"{len(found.lengths)} lengths of a subject of {found.skeleton.stature:.2f} m from {found.frames} frames"
+    doubt = f"; guessed: {', '.join(guessed)}, film these joints turning" if guessed else ""
+    return f"{output}: {kept}{doubt}"

@@ -1,0 +1,112 @@
+"""Calibration of a body from silhouettes alone: a person of known proportions is filmed and has to be found again."""
+
+from dataclasses import replace
+
+import jax
+import numpy as np
+import pytest
+from measured import ADULT, film_person, other_person
+from test_shared import SEQUENCE, needs
+
+from jaxskel import Pose, Settings, calibrate_body, default_adult, read_recording
+from jaxskel._calibrate_body import STAGES, _turning
+from jaxskel._dimensions import LENGTH_NAMES, lengths_of
+from jaxskel._rotations import turn_about
+from jaxskel._skeleton import SEGMENT_NAMES
+from jaxskel.io import read_body, read_subject, write_subject
+
+PERSON = other_person()
+MOVED = ("shoulder", "upper_arm", "thigh", "shank")
+
+
+@pytest.fixture(scope="module")
+def filmed():
+    return film_person(PERSON, 16)[0]
+
+
+@pytest.fixture(scope="module")
+def stages() -> list[str]:
+    return []
+
+
+@pytest.fixture(scope="module")
+def found(filmed, stages):
+    return calibrate_body(filmed, Settings(max_misses=0), on_stage=stages.append)
+
+
+def test_lengths_of_another_person_are_found(found):
+    true, usual = lengths_of(PERSON.skeleton), lengths_of(default_adult(PERSON.skeleton.stature))
+    measured = np.array([found.lengths[name].length for name in LENGTH_NAMES])
+    off, before = np.abs(measured / true - 1), np.abs(usual / true - 1)
+    bones = slice(0, 8)
+    assert max(off[LENGTH_NAMES.index(name)] for name in MOVED) < 0.05
+    assert off[bones].mean() < 0.6 * before[bones].mean()
+    np.testing.assert_allclose(lengths_of(found.skeleton), measured, atol=1e-5)
+    deviations = np.array([each.deviation for each in found.lengths.values()])
+    assert (deviations > 0).all()
+    assert (deviations / measured).max() < 0.3
+
+
+def test_the_body_explains_the_outlines(found):
+    # The cost of a well explained frame is of the order of ten, and this person is made of the same capsules.
+    assert found.costs.low <= found.costs.typical < 10
+    assert found.frames == 12 or found.frames == 13
+
+
+def test_stages_are_told_in_order(found, stages):
+    assert tuple(stages) == STAGES
+
+
+def test_a_subjects_file_keeps_lengths_and_body(found, tmp_path):
+    path = tmp_path / "subject.toml"
+    write_subject(path, found.skeleton, found.body)
+    np.testing.assert_allclose(lengths_of(read_subject(path)), lengths_of(found.skeleton), atol=1e-5)
+    body = read_body(path)
+    assert body is not None
+    np.testing.assert_allclose(body.offsets, found.body.offsets, atol=1e-6)
+    np.testing.assert_allclose(body.radii, found.body.radii, atol=1e-6)
+
+
+def poses_with(segment: str, axis: tuple[float, float, float], angles: list[float]) -> Pose:
+    """Standing at rest, but for one segment turned about an axis."""
+    rotations = np.tile(np.eye(3), (len(angles), 17, 1, 1))
+    about = np.repeat(np.array([axis]), len(angles), 0)
+    rotations[:, SEGMENT_NAMES.index(segment)] = turn_about(about, np.array(angles))
+    return Pose(np.zeros((len(angles), 3)), rotations)
+
+
+def test_a_bone_turns_by_the_angle_between_its_directions():
+    shank = ADULT.rest_joints[11] - ADULT.rest_joints[10]
+    poses = poses_with("l_shank", (0.0, 1.0, 0.0), [0.0, 0.5] * 8)
+    flat = np.hypot(shank[0], shank[2]) / np.linalg.norm(shank)
+    assert _turning(poses, ADULT, "shank") == pytest.approx(0.5 * flat, abs=0.03)
+    assert _turning(poses, ADULT, "thigh") == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_bone_that_turns_about_itself_shows_nothing():
+    along = ADULT.rest_joints[4] - ADULT.rest_joints[3]
+    poses = poses_with("l_upper_arm", tuple(along / np.linalg.norm(along)), [0.0, 1.0, -1.0] * 4)
+    assert _turning(poses, ADULT, "upper_arm") < 1e-6
+
+
+def test_too_few_frames_are_refused(filmed):
+    with pytest.raises(ValueError, match=r"measured: 4 of 4 frames .* give 8 or more"):
+        calibrate_body(filmed[:4], Settings(max_misses=0))
+
+
+def test_settings_without_a_search_are_refused(filmed):
+    with pytest.raises(ValueError, match="no search"):
+        calibrate_body(filmed, replace(Settings(), search=None))
+
+
+@needs(SEQUENCE)
+def test_a_realistic_body_from_a_template_that_is_too_tall():
+    recording = read_recording(SEQUENCE)[::3]
+    true = recording.skeleton
+    assert true is not None
+    found = calibrate_body(recording, skeleton=default_adult(1.08 * true.stature), frames=20)
+    off = np.abs(found.skeleton.bone_lengths / true.bone_lengths - 1)
+    # Arms and legs; necks and hips are seen less well.
+    assert off[[2, 3, 4, 9, 10]].max() < 0.08
+    assert off.max() < 0.15
+    assert jax.tree.all(jax.tree.map(lambda a: bool(np.isfinite(a).all()), found.body))
