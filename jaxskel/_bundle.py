@@ -182,4 +182,4 @@ def _others(body: Body) -> Objective:
 @kept
 def _turned(template: Skeleton, shape: Shape, poses: Pose, unknowns: Float[Array | np.ndarray, "frames n"]) -> Pose:
     skeleton = shaped_body(template, shape).skeleton
-    return jax.vmap(lambda pose, own: _HINGED.pose(own, pose, skeleton))(poses, unknowns)
+    return jax.vmap(lambda pose, own: _HINGED.moved(own, pose, skeleton))(poses, unknowns)

@@ -96,7 +96,7 @@ def test_balls_move_with_the_unknowns_as_finite_differences_say(scene):
 
         def balls(step: float) -> np.ndarray:
             body = shaped_body(ADULT, Shape.of(jnp.asarray(shape.vector, jnp.float64) + step * direction[42:]))
-            placed = place(body.skeleton, HINGED.pose(jnp.asarray(step * direction[:42]), pose, body.skeleton))
+            placed = place(body.skeleton, HINGED.moved(jnp.asarray(step * direction[:42]), pose, body.skeleton))
             centres = ball_centres(body, placed.origins, placed.rotations)
             return np.concatenate([centres, np.asarray(body.radii)[:, None]], 1)
 
