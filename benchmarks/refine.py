@@ -51,12 +51,15 @@ def main() -> None:
     parser.add_argument("sequence", type=Path)
     parser.add_argument("--frames", type=int, default=300)
     parser.add_argument("--repeat", type=int, default=5)
+    parser.add_argument("--preset", choices=("paper", "default"), help="only one of the two")
     arguments = parser.parse_args()
     keep_compiled()
     recording = read_recording(arguments.sequence)[: arguments.frames]
     print("| objective | solve | frames | ms a frame | traced again | converged | median error |")
     print("|---|---|---|---|---|---|---|")
-    for name, settings in (("paper", paper_settings()), ("default", Settings())):
+    presets = {"paper": paper_settings(), "default": Settings()}
+    for name in presets if arguments.preset is None else [arguments.preset]:
+        settings = presets[name]
         problem = refinement_problem(recording, settings)
         alone(name, problem, settings, arguments.repeat)
         together(name, problem, settings, recording.fps, arguments.repeat)

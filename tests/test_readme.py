@@ -14,14 +14,19 @@ README = (ROOT / "README.md").read_text()
 
 
 def test_python_of_the_readme_runs(tmp_path, monkeypatch, capsys):
-    (code,) = re.findall(r"```python\n(.*?)```", README, re.S)
+    first, second = re.findall(r"```python\n(.*?)```", README, re.S)
     (tmp_path / "demo").mkdir()
     write_recording(tmp_path / "demo" / "scene.npz", make_scene(4))
     monkeypatch.chdir(tmp_path)
     names: dict = {}
-    exec(code, names)
+    exec(first, names)
     assert "(4, 15, 3)" in capsys.readouterr().out
     assert names["initial"].root.shape == (4, 3)
+    exec(second, names)
+    assert "'stick'" in capsys.readouterr().out
+    for result in (names["refined"], names["free"], names["together"]):
+        assert result.joints.shape == (4, 15, 3)
+        assert result.finite.all()
 
 
 def test_every_status_is_explained():
