@@ -9,6 +9,7 @@ from jaxtyping import Array, Bool, Float, Int, UInt8
 from ._camera import Cameras
 from ._kept import kept
 from ._silhouette_distances import signed_distances
+from ._views import person_box
 
 # Values stand this many to a side of an image at most; between them they are interpolated.
 _MOST_CELLS = 640
@@ -70,10 +71,38 @@ def distance_images(
     values = np.zeros((frames, views, -(-height // step), -(-width // step)), np.float32)
     for frame, view in zip(*np.nonzero(~lost), strict=True):
         right, low = cameras.size[view].tolist()
-        cells = signed_distances(silhouettes[frame, view, :low], right, step, farthest, _SMOOTHING)
+        packed = silhouettes[frame, view, :low]
+        cells = signed_distances(packed, right, step, farthest, _SMOOTHING)
+        cells = np.minimum(cells, _to_cut_edges(packed, right, step, cells.shape))
         values[frame, view, : len(cells), : cells.shape[1]] = cells
     size = np.where(lost[..., None], 0, cameras.size).astype(np.int32)
     return DistanceImages(values.reshape(-1, *values.shape[2:]), np.array(step, np.int32), size.reshape(-1, 2))
+
+
+def _to_cut_edges(
+    packed: UInt8[np.ndarray, "h w8"], across: int, step: int, shape: tuple[int, int]
+) -> Float[np.ndarray, "rows columns"]:
+    """Distance of cells (px) from those edges of an image that cut the person off; infinite where none does.
+
+    Beyond such an edge the person may be anywhere. So no place is known to be farther from the person than from the
+    edge: without this, a ray that runs along it just inside would miss what lies just outside.
+    """
+    found = np.full(shape, np.inf, np.float32)
+    box = person_box(packed)
+    if box is None:
+        return found
+    top, bottom, left, right = box
+    v, u = (step * (np.arange(count, dtype=np.float32) + 0.5) for count in shape)
+    for cut, way in (
+        (top == 0, v[:, None]),
+        (bottom == len(packed), len(packed) - v[:, None]),
+        (left == 0, u[None]),
+        (right == across, across - u[None]),
+    ):
+        if cut:
+            # The last cell of an image need not be whole.
+            found = np.minimum(found, np.maximum(way, 0.0))
+    return found
 
 
 @kept

@@ -10,19 +10,31 @@ import pytest
 from drawn import chain, film, looking_at, ring
 from scipy.spatial.transform import Rotation
 
-from jaxskel import Cameras, Recording, compare_rigs, make_cameras, pack_silhouettes, refine_cameras, unpack_silhouettes
+from jaxskel import (
+    Cameras,
+    Recording,
+    RefinedCameras,
+    compare_rigs,
+    make_cameras,
+    pack_silhouettes,
+    refine_cameras,
+    unpack_silhouettes,
+)
 from jaxskel._coherence import NOTHING, coherence, sensitivity
-from jaxskel._contacts import find_contacts
-from jaxskel._distance_images import distance_images
+from jaxskel._contacts import Contacts, find_contacts
+from jaxskel._distance_images import DistanceImages, distance_images
 from jaxskel._extrinsics import ExtrinsicChange, changed, no_change
-from jaxskel._sight_lines import sight_lines
+from jaxskel._sight_lines import SightLines, sight_lines
 from jaxskel._stacks import single_precision
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 BALANCING = SHARED / "real" / "pose2sim_balancing"
 
 # In one test this is all there is, so it is used in the others: nothing is compiled again.
-USED = [0, 1, 2, *range(4, 15)]
+USED = [0, 1, 2, *range(4, 13)]
+# Few cameras, since work grows by the square of their number; the first and the third face each other, and so do the
+# other two.
+VIEWS, FRAMES = 4, 13
 SIZE, FOCAL = (240, 200), 190.0
 # A lens with all kinds of distortion, as wide as lenses are.
 LENS = [-0.2, 0.06, 0.002, -0.003]
@@ -64,33 +76,47 @@ def moved(cameras: Cameras, seed: int, scale: float = 1.0) -> Cameras:
 
 @pytest.fixture(scope="module")
 def filmed() -> Recording:
-    """Fifteen frames in six views with distortion."""
-    cameras = with_lens(ring(6, SIZE, FOCAL))
-    return Recording(cameras, film(cameras, [body(seed) for seed in range(15)]), 25.0, "+Z", np.arange(15))
+    """Thirteen frames in four views with distortion."""
+    cameras = with_lens(ring(VIEWS, SIZE, FOCAL))
+    return Recording(cameras, film(cameras, [body(seed) for seed in range(FRAMES)]), 25.0, "+Z", np.arange(FRAMES))
 
 
-def looked_up(recording: Recording, rig: Cameras, rays: int = 60):
-    """Rays, distances and contacts of a rig on a recording; middles are those of `body`."""
-    silhouettes = np.asarray(recording.silhouettes)
+@pytest.fixture(scope="module")
+def come_back(filmed) -> RefinedCameras:
+    """Refined from a wrong rig."""
+    return refine_cameras(replace(filmed, cameras=perturbed(filmed.cameras, 7)), USED)
+
+
+def looked_up(recording: Recording, rig: Cameras) -> tuple[SightLines, DistanceImages, Contacts]:
+    """Rays, distances and contacts of a rig on four frames; middles are those of `body`."""
+    silhouettes = np.asarray(recording.silhouettes[:4])
     lost = ~silhouettes.any((2, 3))
     images = distance_images(silhouettes, rig, lost, 40)
-    lines = sight_lines(silhouettes, rig, lost, images, rays)
+    lines = sight_lines(silhouettes, rig, lost, images, 80)
     middles = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (len(silhouettes), 1))
     contacts = find_contacts(single_precision(rig), single_precision(lines), images, middles)
-    return lines, images, jax.tree.map(np.asarray, contacts)
+    double = jax.tree.map(lambda a: np.asarray(a, np.float64) if a.dtype.kind == "f" else np.asarray(a), contacts)
+    return lines, images, double
+
+
+def residuals(
+    rig: Cameras, lines: SightLines, images: DistanceImages, contacts: Contacts, change: ExtrinsicChange | None = None
+) -> np.ndarray:
+    """By how much each ray of each frame misses (px), in double precision."""
+    with jax.enable_x64(True):
+        return np.asarray(coherence(change or no_change(rig), rig, lines, images, contacts))
 
 
 def missed(recording: Recording, rig: Cameras) -> np.ndarray:
     """Residuals of the rays that tell anything (px)."""
-    lines, images, contacts = looked_up(recording[:4], rig)
-    value = np.asarray(coherence(single_precision(no_change(rig)), single_precision(rig), lines, images, contacts))
+    value = residuals(rig, *looked_up(recording, rig))
     return value[value > NOTHING]
 
 
 def test_true_cameras_miss_by_less_than_a_pixel_and_wrong_ones_by_more(filmed):
     # Outlines are known to half a pixel, on either side of a contact; smoothing rounds where two limbs meet.
     true = missed(filmed, filmed.cameras)
-    assert len(true) > 0.9 * 4 * 6 * 60
+    assert len(true) > 0.9 * 4 * VIEWS * 80
     assert np.quantile(true, 0.99) < 0.7
     assert true.max() < 2.0
     # Turned by half a degree, that is by 1.7 px.
@@ -99,83 +125,78 @@ def test_true_cameras_miss_by_less_than_a_pixel_and_wrong_ones_by_more(filmed):
 
 
 def test_the_outline_of_a_turned_camera_misses_by_the_angle():
-    # One ball at the height of two cameras that see it from the side. One is pitched by a degree: the ray over the top
-    # of the ball in the one, or under it in the other, passes the ball of the other by what it is raised.
+    # One ball at the height of the cameras around it. One camera is pitched by a degree: the rays over the top of the
+    # ball, or under it, of this camera and of the others pass the other's ball by what it is raised.
     height, radius, pitch = 1.0, 0.3, np.radians(1.0)
-    R, t = zip(*(looking_at(np.array(c), np.array([0.0, 0.0, height])) for c in ((4, 0, 1), (0, 4, 1))), strict=True)
+    around = 4.0 * np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+    R, t = zip(*(looking_at(np.array([*c, 1.0]), np.array([0.0, 0.0, height])) for c in around), strict=True)
     K = np.array([[FOCAL, 0, 119.5], [0, FOCAL, 99.5], [0, 0, 1.0]])
-    cameras = make_cameras(np.tile(K, (2, 1, 1)), R, t, SIZE)
-    ball = Recording(cameras, film(cameras, [np.array([[0.0, 0.0, height, radius]])]), 25.0, "+Z", np.arange(1))
-    up = np.array([[pitch, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    cameras = make_cameras(np.tile(K, (VIEWS, 1, 1)), R, t, SIZE, np.zeros((VIEWS, 4)))
+    drawn = film(cameras, [np.array([[0.0, 0.0, height, radius]])])
+    ball = Recording(cameras, np.tile(drawn, (4, 1, 1, 1)), 25.0, "+Z", np.arange(4))
+    up = np.zeros((VIEWS, 3))
+    up[0, 0] = pitch
     with jax.enable_x64(True):
-        rig = jax.tree.map(np.asarray, changed(cameras, ExtrinsicChange(up, np.zeros((2, 3)))))
-    lines, images, contacts = looked_up(ball, rig, 400)
-    value = np.asarray(coherence(single_precision(no_change(rig)), single_precision(rig), lines, images, contacts))[0]
-    for camera in range(2):
-        own = value[lines.camera[0] == camera]
-        # 190 px times a degree: both are 4 m away.
-        assert own.max() == pytest.approx(FOCAL * pitch, abs=0.7)
+        rig = jax.tree.map(np.asarray, changed(cameras, ExtrinsicChange(up, np.zeros((VIEWS, 3)))))
+    lines, images, contacts = looked_up(ball, rig)
+    value = residuals(rig, lines, images, contacts)[0]
+    most = np.array([value[lines.camera[0] == camera].max() for camera in range(VIEWS)])
+    # 190 px times a degree: all are 4 m away.
+    np.testing.assert_allclose(most[[0, 1, 3]], FOCAL * pitch, atol=0.7)
+    # The camera that faces the pitched one has a way out: x metres before the top its rays are lower, by 7 px/m in the
+    # pitched view, but beside the ball, by 79 x^2 px, in the two others. 3.3 - 7.1 x = 79 x^2 leaves 2.1 px.
+    assert most[2] == pytest.approx(2.1, abs=0.7)
 
 
 def test_the_slopes_are_those_of_finite_differences(filmed):
     rig = perturbed(filmed.cameras, 1)
-    lines, images, contacts = looked_up(filmed[:4], rig)
-    rng = np.random.default_rng(2)
-    change = ExtrinsicChange(*(1e-6 * rng.normal(size=(2, 6, 3))))
+    lines, images, contacts = looked_up(filmed, rig)
+    change = ExtrinsicChange(*(1e-6 * np.random.default_rng(2).normal(size=(2, VIEWS, 3))))
+    back = jax.tree.map(np.negative, change)
+    ahead, back = (residuals(rig, lines, images, contacts, by).ravel() for by in (change, back))
     with jax.enable_x64(True):
-        contacts = jax.tree.map(lambda a: a.astype(np.float64) if a.dtype.kind == "f" else a, contacts)
         found = sensitivity(rig, lines, images, contacts)
-        ahead, back = (
-            np.asarray(coherence(jax.tree.map(lambda a, s=s: s * a, change), rig, lines, images, contacts)).ravel()
-            for s in (1.0, -1.0)
-        )
-        tangent = jax.jvp(lambda c: coherence(c, rig, lines, images, contacts), (no_change(rig),), (change,))[1].ravel()
     unknowns = np.concatenate([change.rotation, change.shift], 1)
     expected = np.einsum("rci,ci->r", np.asarray(found.slopes), unknowns)
     # Between two values of a distance image the slope has a kink: a few rays lie there.
     off = np.abs((ahead - back) / 2 - expected)
     assert np.abs(expected).max() > 1e-4
     assert np.quantile(off, 0.98) < 1e-9
-    np.testing.assert_allclose(np.asarray(tangent), expected, atol=1e-12)
 
 
 def test_what_is_frozen_does_not_change_the_slopes(filmed):
     # Contacts are looked up again after a small step: the residual changes as with those that were frozen.
     rig = perturbed(filmed.cameras, 1)
-    lines, images, contacts = looked_up(filmed[:4], rig)
+    lines, images, contacts = looked_up(filmed, rig)
     rng = np.random.default_rng(3)
-    step = ExtrinsicChange(*(rng.normal(size=(2, 6, 3)) * [[[2e-4]], [[1e-3]]]))
+    step = ExtrinsicChange(*(rng.normal(size=(2, VIEWS, 3)) * [[[2e-4]], [[1e-3]]]))
     with jax.enable_x64(True):
         other = jax.tree.map(np.asarray, changed(rig, step))
-        start, frozen = (np.asarray(coherence(c, rig, lines, images, contacts)) for c in (no_change(rig), step))
-        again = looked_up(filmed[:4], other)[2]
-        free = np.asarray(coherence(no_change(rig), other, lines, images, again))
+    start = residuals(rig, lines, images, contacts)
+    frozen = residuals(rig, lines, images, contacts, step)
+    free = residuals(other, lines, images, looked_up(filmed, other)[2])
     near = (start > -3) & (start < 20)
     assert np.median(np.abs(free - start)[near]) > 0.03
     assert np.quantile(np.abs(free - frozen)[near], 0.9) < 0.03
 
 
 def test_moving_the_whole_rig_changes_no_residual(filmed):
-    lines, images, contacts = looked_up(filmed[:4], filmed.cameras)
-    other = moved(filmed.cameras, 5)
-    with jax.enable_x64(True):
-        one, two = (
-            np.asarray(coherence(no_change(rig), rig, lines, images, contacts)) for rig in (filmed.cameras, other)
-        )
+    found = looked_up(filmed, filmed.cameras)
+    one, two = (residuals(rig, *found) for rig in (filmed.cameras, moved(filmed.cameras, 5)))
     np.testing.assert_allclose(one, two, atol=1e-6)
 
 
 def test_rigs_are_compared_up_to_a_similarity():
-    cameras = ring(5)
+    cameras = ring(VIEWS)
     apart = compare_rigs(moved(cameras, 3, scale=1.1), cameras)
     np.testing.assert_allclose(apart.angles, 0.0, atol=1e-7)
     np.testing.assert_allclose(apart.distances, 0.0, atol=1e-9)
     assert apart.scale == pytest.approx(1 / 1.1)
     # Two cameras that turn by opposite angles: their mean stays.
-    turned = np.zeros((5, 3))
+    turned = np.zeros((VIEWS, 3))
     turned[0, 2], turned[1, 2] = 0.01, -0.01
     with jax.enable_x64(True):
-        other = changed(cameras, ExtrinsicChange(turned, np.zeros((5, 3))))
+        other = changed(cameras, ExtrinsicChange(turned, np.zeros((VIEWS, 3))))
         other = eqx.tree_at(lambda c: (c.R, c.t), cameras, (np.asarray(other.R), np.asarray(other.t)))
     angles = compare_rigs(moved(other, 4), cameras).angles
     assert angles[:2].min() > 0.007
@@ -184,9 +205,8 @@ def test_rigs_are_compared_up_to_a_similarity():
         compare_rigs(cameras, cameras[:3])
 
 
-def test_a_perturbed_rig_comes_back(filmed):
-    wrong = perturbed(filmed.cameras, 7)
-    refined = refine_cameras(replace(filmed, cameras=wrong), USED)
+def test_a_perturbed_rig_comes_back(filmed, come_back):
+    wrong, refined = perturbed(filmed.cameras, 7), come_back
     assert np.degrees(compare_rigs(wrong, filmed.cameras).angles).max() > 0.4
     # Images are 240 px wide: a pixel is 0.3 degrees.
     angles = np.degrees(compare_rigs(refined.cameras, filmed.cameras).angles)
@@ -205,11 +225,16 @@ def test_a_perturbed_rig_comes_back(filmed):
     np.testing.assert_allclose(refined.cameras.centres - wrong.centres, refined.shift, atol=1e-9)
 
 
-def test_a_true_rig_stays(filmed):
+def test_where_a_rig_ends_is_no_matter_of_where_it_began(filmed, come_back):
     refined = refine_cameras(filmed, USED)
+    assert refined.converged
+    apart = compare_rigs(refined.cameras, come_back.cameras)
+    # What is left of the start is what silhouettes cannot tell, and the prior's.
+    assert np.degrees(apart.angles).max() < 0.1
     apart = compare_rigs(refined.cameras, filmed.cameras)
-    assert np.degrees(apart.angles).max() < 0.12
-    assert apart.distances.max() < 0.010
+    # A true rig stays but for what the pixels of small images leave open: half a pixel is 0.15 degrees.
+    assert np.degrees(apart.angles).max() < 0.15
+    assert apart.distances.max() < 0.015
 
 
 def test_a_narrow_prior_keeps_the_cameras_where_they_are(filmed):
@@ -226,10 +251,10 @@ def test_a_camera_that_sees_nobody_stays_and_is_named(filmed):
     wrong = perturbed(filmed.cameras, 7)
     refined = refine_cameras(eqx.tree_at(lambda r: (r.cameras, r.silhouettes), filmed, (wrong, masks)))
     np.testing.assert_array_equal(refined.frames, USED)
-    np.testing.assert_array_equal(refined.hardly_seen, np.arange(6) == 2)
+    np.testing.assert_array_equal(refined.hardly_seen, np.arange(VIEWS) == 2)
     np.testing.assert_allclose(refined.rotation[2], 0.0, atol=1e-9)
     assert np.isnan(refined.before[2])
-    others = [0, 1, 3, 4, 5]
+    others = [0, 1, 3]
     assert np.degrees(compare_rigs(refined.cameras[others], filmed.cameras[others]).angles).mean() < 0.15
 
 
@@ -248,7 +273,7 @@ def test_without_three_views_nothing_changes(filmed):
 
 def test_wrong_input_is_named(filmed):
     for arguments, message in (
-        ({"frames": [3, 15]}, "there is no frame 15; give 0 to 14"),
+        ({"frames": [3, 13]}, "there is no frame 13; give 0 to 12"),
         ({"frames": 0}, "frames 0: give one or more"),
         ({"rotation_sd": 0.0}, "rotation_sd 0.0"),
         ({"shift_sd": float("nan")}, "shift_sd nan"),
@@ -266,7 +291,8 @@ def test_a_person_cut_off_by_the_image_is_no_evidence(filmed):
     masks[:, 1, :, SIZE[0] // 2 :] = False
     value = missed(replace(filmed, cameras=cut, silhouettes=pack_silhouettes(masks)), cut)
     assert np.quantile(value, 0.99) < 0.7
-    assert value.max() < 4.0
+    # Rays in the middle of the last camera, which faces this one, run along the edge: behind it the person may be.
+    assert value.max() < 1.0
 
 
 @pytest.mark.skipif(not BALANCING.exists(), reason="needs pose2sim_balancing in ../shared/data/real")
@@ -280,7 +306,7 @@ def test_a_real_rig_agrees_better_in_frames_that_were_not_used():
         silhouettes[:, view, : packed.shape[1], : packed.shape[2]] = packed
     cameras = make_cameras(calibration["K"], calibration["R"], calibration["t"], sizes, names=names)
     recording = Recording(cameras, silhouettes, 60.0, "+Z", np.arange(100))
-    used, others = np.arange(0, 100, 10), np.arange(5, 100, 10)
+    used, others = np.arange(0, 100, 20), np.arange(10, 100, 20)
     refined = refine_cameras(recording, used)
     assert refined.converged
     after = refine_cameras(replace(recording, cameras=refined.cameras), others, 1e-6, 1e-6).before
