@@ -4,7 +4,7 @@ A tapered capsule is the convex hull of two balls. Each ball is fixed to one rig
 capsule whose balls belong to different segments bridges the joint between them and stays closed when it bends.
 """
 
-from typing import Any
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -42,6 +42,34 @@ LIKE_BALL = np.array([FREE_BALLS.index(BALL_NAMES.index(name)) for name in _LIKE
 BALL_SIDES = np.array([-1.0 if name.startswith("r_") else 1.0 for name in BALL_NAMES])
 """Sign of y of each ball relative to the one that it is like."""
 
+# The average adult, ball by ball: the segment that carries it; the share of the way from one point of the skeleton to
+# another where it is; its shift from there to the front, outwards and up; its radius. Shifts and radii are fractions of
+# the stature. Names lack their l_ or r_.
+_Ball = tuple[str, tuple[str, float, str], tuple[float, float, float], float]
+_MIDDLE_BALLS: dict[str, _Ball] = {
+    "nape": ("chest", ("neck", 0.0, "neck"), (-0.002, 0.0, -0.019), 0.035),
+    "face": ("head", ("neck", 0.5, "head_top"), (0.011, 0.0, -0.012), 0.045),
+    "crown": ("head", ("head_top", 0.0, "head_top"), (-0.003, 0.0, -0.053), 0.052),
+}
+_SIDED_BALLS: dict[str, _Ball] = {
+    "seat": ("pelvis", ("pelvis", 0.0, "pelvis"), (0.002, 0.031, 0.002), 0.074),
+    "waist": ("chest", ("pelvis", 0.30, "neck"), (0.014, 0.026, 0.001), 0.062),
+    "chest": ("chest", ("pelvis", 0.66, "neck"), (0.009, 0.036, 0.008), 0.069),
+    "girdle": ("clavicle", ("shoulder", 0.0, "shoulder"), (-0.001, -0.017, -0.009), 0.047),
+    "shoulder": ("upper_arm", ("shoulder", 0.0, "shoulder"), (-0.003, -0.002, -0.005), 0.036),
+    "elbow": ("forearm", ("elbow", 0.0, "elbow"), (0.0, 0.0, 0.0), 0.024),
+    "forearm": ("forearm", ("elbow", 0.28, "wrist"), (0.0, 0.0, 0.0), 0.024),
+    "wrist": ("hand", ("wrist", 0.0, "wrist"), (-0.003, -0.003, 0.0), 0.0165),
+    "palm": ("hand", ("hand", 0.0, "hand"), (-0.002, -0.006, -0.002), 0.020),
+    "finger": ("hand", ("hand", 0.75, "fingertip"), (0.0, 0.0, 0.0), 0.015),
+    "hip": ("thigh", ("hip", 0.0, "hip"), (0.014, -0.006, -0.025), 0.064),
+    "knee": ("shank", ("knee", 0.0, "knee"), (0.0, 0.0, 0.011), 0.0325),
+    "calf": ("shank", ("knee", 0.30, "ankle"), (-0.017, 0.0, 0.003), 0.0355),
+    "ankle": ("foot", ("ankle", 0.0, "ankle"), (-0.007, -0.005, 0.0), 0.017),
+    "heel": ("foot", ("ankle", 0.0, "ankle"), (-0.019, 0.0, -0.020), 0.019),
+    "ball": ("foot", ("foot", 0.0, "foot"), (-0.004, -0.002, -0.003), 0.0165),
+    "toe": ("foot", ("toetip", 0.0, "toetip"), (-0.010, 0.0, 0.0), 0.011),
+}
 _MIDDLE_LINKS = (
     ("l_seat", "r_seat"), ("l_waist", "r_waist"), ("l_chest", "r_chest"), ("nape", "face"), ("face", "crown"),
 )  # fmt: skip
@@ -52,6 +80,23 @@ _SIDED_LINKS = (
     ("hip", "knee"), ("knee", "calf"), ("calf", "ankle"), ("ankle", "heel"), ("heel", "ball"), ("ankle", "ball"),
     ("ball", "toe"),
 )  # fmt: skip
+
+
+_POINTS = JOINT_NAMES + TIP_NAMES + PIVOT_NAMES
+
+
+class _Places(NamedTuple):
+    """The average adult as arrays: one operation places all balls, which compiles faster than one for each."""
+
+    carriers: Int[np.ndarray, " balls"]
+    starts: Int[np.ndarray, " balls"]
+    """Of `_POINTS`."""
+    ends: Int[np.ndarray, " balls"]
+    shares: Float[np.ndarray, "balls 1"]
+    shifts: Float[np.ndarray, "balls 3"]
+    """Fractions of the stature."""
+    radii: Float[np.ndarray, " balls"]
+    """Likewise."""
 
 
 class Body(eqx.Module):
@@ -91,56 +136,36 @@ class Body(eqx.Module):
         return np.array(self._links, np.int32).reshape(-1, 2)
 
 
+def _places() -> _Places:
+    rows = []
+    for name, sign in zip(BALL_NAMES, BALL_SIDES, strict=True):
+        side = "" if name in _MIDDLE_BALLS else name[:2]
+        ball = (_SIDED_BALLS if side else _MIDDLE_BALLS)[name.removeprefix(side)]
+        carrier, (start, share, end), (front, out, up), radius = ball
+        first, last = (_POINTS.index(side + name if side + name in _POINTS else name) for name in (start, end))
+        segment = SEGMENT_NAMES.index(side + carrier if side + carrier in SEGMENT_NAMES else carrier)
+        rows.append((segment, first, last, [share], [front, sign * out, up], radius))
+    carriers, starts, ends, shares, shifts, radii = map(np.array, zip(*rows, strict=True))
+    indices = np.array([carriers, starts, ends], np.int32)
+    return _Places(indices[0], indices[1], indices[2], shares, shifts, radii)
+
+
+_PLACES = _places()
+
+
 def make_body(skeleton: Skeleton) -> Body:
     """An average adult around a skeleton of any proportions; [`calibrate`][jaxskel.calibrate] fits it to a subject.
 
     Radii, and where the flesh sits around the joint centres, are fractions of the stature: means over a man and a
     woman (two skinned meshes), fitted to their visual hulls at known joints.
     """
-    names = JOINT_NAMES + TIP_NAMES + PIVOT_NAMES
     # In double precision where it is not traced: a derivative by the skeleton is that of this function.
     xp = skeleton.rest_joints.__array_namespace__()
     points = xp.concatenate([skeleton.rest_joints, skeleton.rest_tips, skeleton.pivots])
     points = points.astype(np.float64) if xp is np else points
-    rest: dict[str, Any] = dict(zip(names, points, strict=True))
-    size = skeleton.height
-    spine = rest["neck"] - rest["pelvis"]
-
-    def off(point: Any, front: float, out: float, up: float, sign: float = 0.0) -> Any:
-        return point + size * np.array([front, sign * out, up])
-
-    balls: dict[str, tuple[str, Any, float]] = {
-        "nape": ("chest", off(rest["neck"], -0.002, 0.0, -0.019), 0.035),
-        "face": ("head", off((rest["neck"] + rest["head_top"]) / 2, 0.011, 0.0, -0.012), 0.045),
-        "crown": ("head", off(rest["head_top"], -0.003, 0.0, -0.053), 0.052),
-    }
-    for side, sign in (("l_", 1.0), ("r_", -1.0)):
-        at = {name[2:]: point for name, point in rest.items() if name.startswith(side)}
-        for name, segment, point, front, out, up, radius in (
-            ("seat", "pelvis", rest["pelvis"], 0.002, 0.031, 0.002, 0.074),
-            ("waist", "chest", rest["pelvis"] + 0.30 * spine, 0.014, 0.026, 0.001, 0.062),
-            ("chest", "chest", rest["pelvis"] + 0.66 * spine, 0.009, 0.036, 0.008, 0.069),
-            ("girdle", "clavicle", at["shoulder"], -0.001, -0.017, -0.009, 0.047),
-            ("shoulder", "upper_arm", at["shoulder"], -0.003, -0.002, -0.005, 0.036),
-            ("elbow", "forearm", at["elbow"], 0.0, 0.0, 0.0, 0.024),
-            ("forearm", "forearm", at["elbow"] + 0.28 * (at["wrist"] - at["elbow"]), 0.0, 0.0, 0.0, 0.024),
-            ("wrist", "hand", at["wrist"], -0.003, -0.003, 0.0, 0.0165),
-            ("palm", "hand", at["hand"], -0.002, -0.006, -0.002, 0.020),
-            ("finger", "hand", at["hand"] + 0.75 * (at["fingertip"] - at["hand"]), 0.0, 0.0, 0.0, 0.015),
-            ("hip", "thigh", at["hip"], 0.014, -0.006, -0.025, 0.064),
-            ("knee", "shank", at["knee"], 0.0, 0.0, 0.011, 0.0325),
-            ("calf", "shank", at["knee"] + 0.30 * (at["ankle"] - at["knee"]), -0.017, 0.0, 0.003, 0.0355),
-            ("ankle", "foot", at["ankle"], -0.007, -0.005, 0.0, 0.017),
-            ("heel", "foot", at["ankle"], -0.019, 0.0, -0.020, 0.019),
-            ("ball", "foot", at["foot"], -0.004, -0.002, -0.003, 0.0165),
-            ("toe", "foot", at["toetip"], -0.010, 0.0, 0.0, 0.011),
-        ):
-            carrier = segment if segment in ("pelvis", "chest") else side + segment
-            balls[side + name] = (carrier, off(point, front, out, up, sign), radius)
-    ordered = [balls[name] for name in BALL_NAMES]
-    segments = np.array([SEGMENT_NAMES.index(segment) for segment, _, _ in ordered], np.int32)
-    offsets = xp.stack([point for _, point, _ in ordered]) - rest_origins(skeleton)[segments]
-    return Body(skeleton, segments, offsets, size * np.array([radius for _, _, radius in ordered]), LINKS)
+    start, size, at = points[_PLACES.starts], skeleton.height, _PLACES
+    centres = start + at.shares * (points[at.ends] - start) + size * at.shifts
+    return Body(skeleton, at.carriers, centres - rest_origins(skeleton)[at.carriers], size * at.radii, LINKS)
 
 
 def _links() -> Int[np.ndarray, "capsules 2"]:

@@ -35,8 +35,8 @@ _LEAST_FRAMES = 8
 _USED = 0.8
 # One ray of so many: neighbours say the same.
 _SOME = 3
-# The place that a segment turns about is seen where it takes directions so far apart (rad). At 20 degrees a centre of
-# rotation is found several times as poorly as at large angles (Camomilla et al. 2006).
+# The place that a segment turns about is seen where it takes directions so far apart (rad): 20 degrees. Where they are
+# closer, a shift of the place along the segment looks much like a shift of the flesh around it.
 _TURNED = 0.35
 _PAIRS = 0.9  # of the pairs of frames show a smaller angle
 _SCALES = fit_scales((0.04, 4))

@@ -21,9 +21,9 @@ _LENGTH_OF_POINT = np.array([_ENDS.index(name.removeprefix("l_").removeprefix("r
 _FINGERTIPS = np.array([_POINTS.index("l_fingertip"), _POINTS.index("r_fingertip")], np.int32)
 _THINNEST = 0.010  # m, of a ball
 
-# How far lengths may be from those of an average adult. Standard deviations of segment lengths are 4 to 6 % within a
-# sex at a given stature (Gordon et al. 2014, ANSUR II); where exactly a joint centre lies differs by some 3 cm between
-# protocols (Della Croce et al. 2005), which matters to short bones more. The height of the head is known to 5 %.
+# How far lengths may be from those of an average adult. People of one stature differ in proportions by a few per cent.
+# Where exactly a joint centre lies is a matter of definition to within a few centimetres, which matters to short bones
+# more. What is seen of a bone that turns outweighs both. The height of the head varies little.
 _SHARE, _CENTRE = 0.05, 0.03
 # Likewise for the places of balls relative to the joints (m; to the front, to the left, up, where they differ), and for
 # radii (share). Hips and seat turn with different segments: between them they tell where the hip joint is, so neither
