@@ -291,8 +291,18 @@ def test_a_person_cut_off_by_the_image_is_no_evidence(filmed):
     masks[:, 1, :, SIZE[0] // 2 :] = False
     value = missed(replace(filmed, cameras=cut, silhouettes=pack_silhouettes(masks)), cut)
     assert np.quantile(value, 0.99) < 0.7
-    # Rays in the middle of the last camera, which faces this one, run along the edge: behind it the person may be.
     assert value.max() < 1.0
+
+
+def test_no_place_is_farther_from_a_person_than_the_edge_that_cuts_the_person_off():
+    # Rows 10 to 19 of the right half: cut off by the right edge alone, behind which the person may be as near as it is.
+    mask = np.zeros((1, 1, 40, 64), bool)
+    mask[..., 10:20, 32:] = True
+    camera = make_cameras(np.eye(3)[None], np.eye(3)[None], np.zeros((1, 3)), (64, 40))
+    found = distance_images(pack_silhouettes(mask), camera, np.zeros((1, 1), bool), 40).values[0]
+    np.testing.assert_allclose(found[35, [63, 60]], [0.5, 3.5])
+    # Neither the lower edge nor the left one cuts: from there it is as far as to the silhouette, by steps of 3 x 3.
+    np.testing.assert_allclose([found[39, 40], found[15, 0]], [19.5, 31.5], rtol=0.1)
 
 
 @pytest.mark.skipif(not BALANCING.exists(), reason="needs pose2sim_balancing in ../shared/data/real")
