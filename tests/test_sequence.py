@@ -124,9 +124,10 @@ def test_any_matrix_free_solver_comes_to_the_same_cost():
     observed = markers(0.02)
     free = optx.LevenbergMarquardt(1e-3, 1e-4, linear_solver=lx.Normal(lx.CG(1e-3, 1e-3, max_steps=5000)))
     results = refined(smooth(0.1), observed), refined(smooth(0.1), observed, solver=free)
-    banded, other = (float(sum(cost.sum() for cost in result.costs.values())) for result in results)
-    assert banded < 0.5 * float(sum(cost.sum() for cost in refined(smooth(1e-9), observed).costs.values()))
-    np.testing.assert_allclose(other, banded, rtol=0.02)
+    banded, other = ({name: float(cost.sum()) for name, cost in result.costs.items()} for result in results)
+    for name in ("nodes", "smooth"):
+        assert banded[name] > 1
+        np.testing.assert_allclose(other[name], banded[name], rtol=0.02)
 
 
 def test_a_gap_is_bridged_and_told():

@@ -103,7 +103,6 @@ SOLVERS = {
     "GaussNewton": optx.GaussNewton(1e-3, 1e-4),
     "Dogleg": optx.Dogleg(1e-3, 1e-4),
     "BFGS": optx.BFGS(1e-7, 1e-7),
-    "NonlinearCG": optx.NonlinearCG(1e-5, 1e-6),
 }
 
 
