@@ -4,7 +4,6 @@ Residuals of a frame depend on its own unknowns, those of a coupling on three co
 is a band of blocks, and a Cholesky factorisation walks along it once.
 """
 
-from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -14,7 +13,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float, PyTree
 
-from ._levenberg_marquardt import quiet
+from ._levenberg_marquardt import LevenbergMarquardt
 
 # A coupling looks at a frame, the one before and the one after.
 _REACH = 3
@@ -146,17 +145,6 @@ def _square(a: Array, b: Array, c: Array, d: Array) -> Array:
     return jnp.concatenate([jnp.concatenate([a, b], 2), jnp.concatenate([c, d], 2)], 1)
 
 
-class BandedLevenbergMarquardt(optx.AbstractGaussNewton):
-    """Levenberg-Marquardt for `refine_sequence`; tolerances as in `optimistix.LevenbergMarquardt`."""
-
-    rtol: float
-    atol: float
-    norm: Callable[[Any], Any] = optx.max_norm
-    descent: BandedNormalDescent = BandedNormalDescent()
-    search: optx.ClassicalTrustRegion = eqx.field(default_factory=optx.ClassicalTrustRegion)
-    verbose: Callable[..., None] = quiet
-
-
-def sequence_solver() -> BandedLevenbergMarquardt:
-    """To three millimetres or milliradians."""
-    return BandedLevenbergMarquardt(rtol=1e-2, atol=3e-3)
+def sequence_solver() -> LevenbergMarquardt:
+    """Levenberg-Marquardt for `refine_sequence`, to three millimetres or milliradians."""
+    return LevenbergMarquardt(rtol=1e-2, atol=3e-3, descent=BandedNormalDescent())

@@ -51,19 +51,19 @@ class DampedNormalDescent(optx.AbstractDescent):
         return step, optx.RESULTS.where(solved, optx.RESULTS.successful, optx.RESULTS.nonlinear_divergence)
 
 
-def quiet(**_: Any) -> None:
+def _quiet(**_: Any) -> None:
     """Say nothing. A function with a name: solvers go to other processes."""
 
 
 class LevenbergMarquardt(optx.AbstractGaussNewton):
-    """Levenberg-Marquardt whose unknowns are one vector; tolerances as in `optimistix.LevenbergMarquardt`."""
+    """Levenberg-Marquardt on normal equations; tolerances as in `optimistix.LevenbergMarquardt`."""
 
     rtol: float
     atol: float
     norm: Callable[[Any], Any] = optx.max_norm
-    descent: DampedNormalDescent = DampedNormalDescent()
+    descent: optx.AbstractDescent = DampedNormalDescent()
     search: optx.ClassicalTrustRegion = eqx.field(default_factory=optx.ClassicalTrustRegion)
-    verbose: Callable[..., None] = quiet
+    verbose: Callable[..., None] = _quiet
 
 
 def default_solver() -> optx.AbstractLeastSquaresSolver:

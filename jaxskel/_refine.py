@@ -108,6 +108,9 @@ def refine_frames(
 
     Returns:
         Poses, costs by term and the solver's outcome for every frame. A frame that fails does not harm the others.
+
+    Raises:
+        ValueError: A term couples frames: that is for `refine_sequence`.
     """
 
     def one(each: tuple[Int[Array, ""], Pose]) -> Refined:
