@@ -70,6 +70,10 @@ class Kept(Generic[P, R]):
         program = self._known[key]
         return self._call(leaves, structure) if program is None else program(arrays)
 
+    def forget(self) -> None:
+        """Let go of the programs that this process has loaded; those on the disk stay."""
+        self._known.clear()
+
     def _call(self, leaves: list[Any], structure: Any) -> R:
         args, kwargs = jax.tree.unflatten(structure, leaves)
         return cast(Callable[..., R], self._jitted)(*args, **kwargs)

@@ -1,8 +1,21 @@
+import gc
+
 import jax
 import pytest
+
+from jaxskel._kept import Kept
 
 
 @pytest.fixture(autouse=True, scope="session")
 def no_silent_broadcasting():
     """The classic bug of geometry: a vector meets a stack of vectors, and every shape still fits."""
     jax.config.update("jax_numpy_rank_promotion", "raise")
+
+
+@pytest.fixture(autouse=True, scope="module")
+def no_more_programs_than_a_process_may_hold():
+    """A compiled function maps pages of its own; a suite that keeps thousands meets the kernel's limit and aborts."""
+    yield
+    jax.clear_caches()
+    for kept in (thing for thing in gc.get_objects() if isinstance(thing, Kept)):
+        kept.forget()
