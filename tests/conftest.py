@@ -3,6 +3,8 @@ import gc
 import jax
 import pytest
 
+from jaxskel._kept import Kept
+
 
 @pytest.fixture(autouse=True, scope="session")
 def no_silent_broadcasting():
@@ -14,8 +16,6 @@ def no_silent_broadcasting():
 def no_more_programs_than_a_process_may_hold():
     """A compiled function maps pages of its own; a suite that keeps thousands meets the kernel's limit and aborts."""
     yield
-    from jaxskel._kept import Kept  # not before the checks of shapes are in place
-
     jax.clear_caches()
     for kept in (thing for thing in gc.get_objects() if isinstance(thing, Kept)):
         kept.forget()
