@@ -1,0 +1,14 @@
+"""What a background model is asked."""
+
+from typing import Protocol
+
+import numpy as np
+from jaxtyping import Bool, UInt8
+
+
+class Background(Protocol):
+    """Tells a person from what is behind him."""
+
+    def foreground(self, image: UInt8[np.ndarray, "h w 3"]) -> Bool[np.ndarray, "h w"]:
+        """The raw silhouette (True = person) in a colour image: blue, green, red, as OpenCV reads it."""
+        ...
