@@ -15,6 +15,7 @@ from .._recording import UP_AXES, Recording, Truth
 from .._skeleton import JOINT_NAMES, TIP_NAMES, Skeleton, make_skeleton
 from ._archive import StoredRows, fault, numbers, read_arrays, short, texts
 from ._stored import StoredSilhouettes
+from .folders import RECORDING_FILE, read_folder
 
 # A person with arms stretched spans less than this (m); truth in millimetres spans a thousand times more.
 _WIDEST_PERSON = 5.0
@@ -23,15 +24,15 @@ _IN_MEMORY = 256 << 20
 
 
 def read_recording(path: str | Path, in_memory: int = _IN_MEMORY) -> Recording:
-    """Read a sequence file.
+    """Read a sequence file, or a folder with a `recording.toml` (see `folders.py`).
 
-    Keys: `silhouettes` (frames, cams, h, w/8) packed bits or (frames, cams, h, w) masks of 0 and 1 or 255;
-    `K`, `R`, `t` (m), `size` (px), `fps`; optional `up` ("+Z" if missing), `dist`, `camera_names`,
+    Keys of a sequence file: `silhouettes` (frames, cams, h, w/8) packed bits or (frames, cams, h, w) masks of 0 and
+    1 or 255; `K`, `R`, `t` (m), `size` (px), `fps`; optional `up` ("+Z" if missing), `dist`, `camera_names`,
     `frame_index`, the subject's `rest_joints` and `rest_tips` (m), the ground truth `joints` and `tips` (m,
     NaN where unknown). Others are ignored.
 
     Args:
-        path: The file.
+        path: The file, or the folder.
         in_memory: Silhouettes that take more bytes than this, packed, stay in the file and are read when they are
             asked for.
 
@@ -39,6 +40,8 @@ def read_recording(path: str | Path, in_memory: int = _IN_MEMORY) -> Recording:
         ValueError: One line that names the file, the key and how to mend it.
     """
     path = Path(path)
+    if path.is_dir() or path.name == RECORDING_FILE:
+        return read_folder(path if path.is_dir() else path.parent)
     stored = StoredRows(path, "silhouettes")
     arrays = read_arrays(
         path,

@@ -44,11 +44,11 @@ def read_calibration(
         ValueError: One line that names the file, the camera and how to mend it.
     """
     path = Path(path)
-    return validated(path, _contents(path), unit, sizes)
+    return validated(path, contents_of(path), unit, sizes)
 
 
-def _contents(path: Path) -> Contents:
-    """By name where a name settles it, otherwise by content."""
+def contents_of(path: Path) -> Contents:
+    """What a file or a folder holds; its reader is chosen by name where that settles it, otherwise by content."""
     name, suffix = path.name.lower(), path.suffix.lower()
     if suffix in _PICKLES:
         raise fault(path, None, "is a pickle, which can run any program and is never read; save numpy.savez instead")
