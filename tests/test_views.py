@@ -116,7 +116,7 @@ def test_a_dropped_image_leaves_its_view_black(tmp_path):
         View("a", ImageFolder(write_images(tmp_path / "a", (0, 1, 3))), Masks()),
         View("b", ImageFolder(write_images(tmp_path / "b", (0, 1, 2, 3))), Masks()),
     ]
-    silhouettes = ViewSilhouettes(views, np.arange(4))
+    silhouettes = ViewSilhouettes(views, np.arange(4), 10_000)
     assert silhouettes.shape == (4, 2, 16, 3)
     seen = np.bitwise_count(silhouettes[:]).sum((2, 3))
     assert (seen == [[64, 64], [64, 64], [0, 64], [64, 64]]).all()
@@ -126,7 +126,7 @@ def test_silhouettes_of_cameras_with_different_sizes_are_filled_up(tmp_path):
     small = write_images(tmp_path / "b", ())
     cv2.imwrite(str(small / "0.png"), np.full((8, 9), 255, np.uint8))
     views = [View("a", ImageFolder(write_images(tmp_path / "a", [0])), Masks()), View("b", ImageFolder(small), Masks())]
-    silhouettes = ViewSilhouettes(views, np.arange(1))[0]
+    silhouettes = ViewSilhouettes(views, np.arange(1), 10_000)[0]
     np.testing.assert_array_equal(np.unpackbits(silhouettes[0], axis=-1), mask(0))
     assert np.unpackbits(silhouettes[1], axis=-1)[:8, :9].all()
     assert np.bitwise_count(silhouettes[1]).sum() == 72
@@ -137,7 +137,7 @@ def test_frames_are_read_once_whatever_is_asked_for(tmp_path, monkeypatch):
     read = ImageFolder.read
     monkeypatch.setattr(ImageFolder, "read", lambda self, number: asked.append(number) or read(self, number))
     views = [View("a", ImageFolder(write_images(tmp_path, range(10))), Masks())] * 2
-    silhouettes = ViewSilhouettes(views, np.arange(10))
+    silhouettes = ViewSilhouettes(views, np.arange(10), 10_000)
     for chosen in ([0, 7], [2], [9], range(10)):
         np.testing.assert_array_equal(
             np.unpackbits(silhouettes[np.array(chosen)][:, 1], axis=-1), [mask(number) for number in chosen]
@@ -145,10 +145,9 @@ def test_frames_are_read_once_whatever_is_asked_for(tmp_path, monkeypatch):
     assert asked == [number for number in range(10) for _ in views]
 
 
-def test_long_recordings_do_not_stay_in_memory(tmp_path, monkeypatch):
-    monkeypatch.setattr("jaxskel.io.views._view_silhouettes._IN_MEMORY", 100)
+def test_long_recordings_do_not_stay_in_memory(tmp_path):
     views = [View("a", ImageFolder(write_images(tmp_path, range(10))), Masks())]
-    silhouettes = ViewSilhouettes(views, np.arange(10))
+    silhouettes = ViewSilhouettes(views, np.arange(10), 100)
     assert isinstance(silhouettes._packed, np.memmap)
     np.testing.assert_array_equal(np.unpackbits(silhouettes[:][:, 0], axis=-1), [mask(n) for n in range(10)])
 

@@ -29,11 +29,10 @@ Every fault is a `ValueError` of one line that names file and key and how to men
 
 import reprlib
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-import equinox as eqx
 import numpy as np
 
 from .._camera import Cameras
@@ -42,7 +41,7 @@ from ..backgrounds import Cleaning
 from ._archive import fault
 from ._toml import check_known, read_toml
 from ._view_table import number, read_view, text
-from .calibrations import read_calibration
+from .calibrations import contents_of, read_calibration
 from .subject import read_subject
 from .views import View, ViewSilhouettes
 
@@ -50,10 +49,14 @@ RECORDING_FILE = "recording.toml"
 _KEYS = ("fps", "calibration", "up", "unit", "frames", "subject", "views", "cleaning")
 
 
-def read_folder(folder: Path) -> Recording:
+def read_folder(folder: Path, in_memory: int) -> Recording:
     """Read a recording that is a folder with a `recording.toml`.
 
     Silhouettes are made when they are asked for. A frame of which a camera has no image is black in that view.
+
+    Args:
+        folder: The folder.
+        in_memory: See [`read_recording`][].
 
     Raises:
         ValueError: One line that names the file, the key and how to mend it.
@@ -71,7 +74,7 @@ def read_folder(folder: Path) -> Recording:
     subject = table.get("subject", "subject.toml" if (folder / "subject.toml").is_file() else None)
     return Recording(
         cameras=cameras,
-        silhouettes=ViewSilhouettes(views, numbers),
+        silhouettes=ViewSilhouettes(views, numbers, in_memory),
         fps=fps,
         up=up,
         frame_index=numbers,
@@ -104,6 +107,15 @@ def _calibrated(path: Path, table: dict[str, Any], views: list[View]) -> tuple[C
         if not (isinstance(size, list) and len(size) == 2 and all(type(n) is int and n > 0 for n in size)):
             raise fault(path, f"views.{view.name}.calibrated_size", f"is {reprlib.repr(size)}; give [width, height]")
         sizes[name] = (size[0], size[1])
+    for camera in contents_of(source).entries:
+        if camera.size is not None and sizes.get(camera.name, camera.size) != camera.size:
+            view = views[names.index(camera.name)].name
+            (width, height), (w, h) = sizes[camera.name], camera.size
+            raise fault(
+                path, f"views.{view}",
+                f"its images are {width} x {height} px, but {source.name} is for {w:g} x {h:g}; where they were padded "
+                f"or cut at the right or at the bottom only, state calibrated_size = [{w:g}, {h:g}]",
+            )  # fmt: skip
     calibration = read_calibration(source, unit=unit, sizes=sizes)
     known = calibration.cameras.names
     for name, view in zip(names, views, strict=True):
@@ -113,10 +125,10 @@ def _calibrated(path: Path, table: dict[str, Any], views: list[View]) -> tuple[C
                 f"{name} is not in {source.name}, which has {', '.join(known)}; give the one that it is",
             )  # fmt: skip
     chosen = calibration.cameras[[known.index(name) for name in names]]
-    cameras = eqx.tree_at(
-        lambda c: (c.size, c.names),
+    cameras = replace(
         chosen,
-        (np.array([view.frames.size for view in views]), tuple(view.name for view in views)),
+        size=np.array([view.frames.size for view in views]),
+        names=tuple(view.name for view in views),
     )
     up = table.get("up", calibration.up)
     if up not in UP_AXES:

@@ -12,7 +12,7 @@ from .._poses import STATUS_NAMES, WITH_POSE, Poses
 from .._recording import Truth
 from .._skeleton import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES
 from ._archive import fault, numbers, read_arrays
-from .recordings import check_names, frame_numbers, frame_rate, truth, up_axis
+from .sequence_file import check_names, frame_numbers, frame_rate, truth, up_axis
 
 
 def write_poses(folder: str | Path, poses: Poses) -> tuple[Path, Path]:

@@ -8,7 +8,7 @@ import numpy as np
 from ..._camera import Cameras
 from ..._files import written_whole
 from .._archive import fault, numbers, texts
-from ..recordings import up_axis
+from ..sequence_file import up_axis
 from ._archives import checked_arrays
 from ._calibration import CameraEntry, Contents
 

@@ -10,9 +10,6 @@ from jaxtyping import Int, UInt8
 from ..._silhouettes import AbstractSilhouettes
 from ._view import View
 
-# As much stays in memory (bytes); more goes into a temporary file.
-_IN_MEMORY = 256 << 20
-
 
 class ViewSilhouettes(AbstractSilhouettes):
     """Packed silhouettes of views, frame by frame.
@@ -21,14 +18,14 @@ class ViewSilhouettes(AbstractSilhouettes):
     asked for last: in memory, or in a temporary file where it is long.
     """
 
-    def __init__(self, views: Sequence[View], numbers: Int[np.ndarray, " frames"]):
-        """Prepare for the frames of these numbers, in ascending order."""
+    def __init__(self, views: Sequence[View], numbers: Int[np.ndarray, " frames"], in_memory: int):
+        """Prepare for the frames of these numbers, in ascending order; more bytes than `in_memory` go into a file."""
         self._views, self._numbers = tuple(views), numbers
         width, height = np.max([view.frames.size for view in views], axis=0).tolist()
         self.shape = len(numbers), len(views), height, -(-width // 8)
         self._made = 0
         self._file = None
-        if np.prod(self.shape) <= _IN_MEMORY:
+        if np.prod(self.shape) <= in_memory:
             self._packed = np.zeros(self.shape, np.uint8)
         else:
             # Deleted when it is closed, at the latest with the process.
