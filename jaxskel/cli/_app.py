@@ -11,6 +11,7 @@ from ._calibrate_body import calibrate_body
 from ._check import check
 from ._demo import demo
 from ._evaluate import evaluate
+from ._init import init
 from ._run import run
 
 app = typer.Typer(
@@ -20,6 +21,7 @@ app = typer.Typer(
     help="3D human skeletons from calibrated multi-view silhouettes.",
 )
 app.command()(demo)
+app.command()(init)
 app.command()(run)
 app.command()(evaluate)
 app.command()(check)

@@ -1,5 +1,6 @@
 """Calibrations of other tools: one reader a format, one validated type out."""
 
+from ._archives import keys_of as keys_of
 from ._calibration import Calibration as Calibration
 from ._calibration import Contents as Contents
 from ._calibration import choose_views as choose_views

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .._archive import StoredRows, fault, numbers, read_arrays
+from .._archive import fault, numbers, read_arrays, shape_of
 
 # Numbers of one array of a calibration: a thousand cameras' matrices are a hundredth of this.
 _MOST_NUMBERS = 1_000_000
@@ -29,7 +29,7 @@ def checked_arrays(path: Path, required: tuple[str, ...], optional: tuple[str, .
     """Read the named arrays, none of which is larger than a calibration's."""
     keys = keys_of(path)
     for key in (*required, *optional):
-        if key in keys and math.prod(StoredRows(path, key).shape) > _MOST_NUMBERS:
+        if key in keys and math.prod(shape_of(path, key)) > _MOST_NUMBERS:
             raise fault(path, key, f"holds more than {_MOST_NUMBERS} numbers, too many for a calibration")
     return read_arrays(path, required, optional)
 

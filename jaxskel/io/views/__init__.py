@@ -8,6 +8,7 @@ from ._image_folder import is_image as is_image
 from ._mask_archive import MaskArchive as MaskArchive
 from ._masks import Masks as Masks
 from ._masks import Matte as Matte
+from ._video import VIDEO_SUFFIXES as VIDEO_SUFFIXES
 from ._video import Video as Video
 from ._view import View as View
 from ._view_silhouettes import ViewSilhouettes as ViewSilhouettes

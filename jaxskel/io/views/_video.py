@@ -8,7 +8,7 @@ from jaxtyping import UInt8
 
 from .._archive import fault
 
-SUFFIXES = (".avi", ".mp4", ".mov", ".mkv", ".m4v", ".webm", ".mpg", ".mpeg", ".wmv")
+VIDEO_SUFFIXES = (".avi", ".mp4", ".mov", ".mkv", ".m4v", ".webm", ".mpg", ".mpeg", ".wmv")
 _MOST_FRAMES = 10_000_000  # a day at 100 frames a second: a header that claims more is damaged
 
 
