@@ -25,7 +25,9 @@ def swung(
         rest: Unit vector along the bone at rest.
         bones: Unit vectors along the bone in the world.
     """
-    return aligning(parents @ rest, bones) @ parents
+    turned = aligning(parents @ rest, bones) @ parents
+    # Once more, because vectors that are opposite to a milliradian are taken for opposite.
+    return aligning(turned @ rest, bones) @ turned
 
 
 def hinged(
