@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from jaxskel import JOINT_NAMES, UP_AXES, Pose, Poses, default_adult, make_skeleton, read_recording
 from jaxskel.io import BVH_NAMES, write_bvh
 from jaxskel.io._euler import to_zxy
-from jaxskel.io._rig import RIG, fit_rig, placed
+from jaxskel.io._inverse_kinematics import fit_rig
+from jaxskel.io._rig import RIG, placed
 from jaxskel.io._twist import hinge_across, swung
 from jaxskel.io.markers import to_markers, with_up
 from jaxskel.synthetic import place_joints, read_bvh

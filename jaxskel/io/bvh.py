@@ -10,7 +10,8 @@ from .._files import written_whole
 from .._poses import Poses
 from .._skeleton import JOINT_NAMES, TIP_NAMES
 from ._euler import to_zxy
-from ._rig import ENDS, RIG, Rig, fit_rig, placed
+from ._inverse_kinematics import fit_rig
+from ._rig import ENDS, RIG, Rig, placed
 from .markers import turn_up, with_up
 
 # Of joints that are at the same place, the first: nothing that turns by itself comes before it.
