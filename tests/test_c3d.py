@@ -6,7 +6,7 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
-from exported import POINT_NAMES, moving, points
+from exported import POINT_NAMES, moving, points, posed
 
 from jaxskel import UP_AXES
 from jaxskel.io import write_c3d
@@ -65,11 +65,22 @@ def test_the_up_axis_is_stated_and_true(tmp_path, up):
     np.testing.assert_allclose(found, to_markers(with_up(poses, up)).positions, atol=TENTH_OF_MM)
 
 
-@pytest.mark.parametrize(("start", "stated"), [(0, 0), (65534, 65534), (65535, 0), (-3, 0)])
+@pytest.mark.parametrize(("start", "stated"), [(0, 0), (65533, 65533), (65534, 0), (-3, 0)])
 def test_a_first_frame_that_the_format_cannot_say_is_left_out(tmp_path, start, stated):
     file = ezc3d.c3d(str(write_c3d(tmp_path / "poses.c3d", moving(2, start=start))))
-    assert file["header"]["points"]["first_frame"] == stated
+    header = file["header"]["points"]
+    assert (header["first_frame"], header["last_frame"]) == (stated, stated + 1)
     assert file["data"]["points"].shape == (4, 20, 2)
+
+
+def test_more_frames_than_the_format_can_count_are_refused(tmp_path):
+    poses = moving(1)
+    joints, tips = (np.repeat(part, 65536, 0) for part in (poses.joints, poses.tips))
+    with pytest.raises(ValueError, match=r"poses\.c3d: 65536 frames; a C3D holds 65535 at most"):
+        write_c3d(tmp_path / "poses.c3d", posed(joints, tips, 25.0, "+Z"))
+    assert not list(tmp_path.iterdir())
+    file = ezc3d.c3d(str(write_c3d(tmp_path / "poses.c3d", posed(joints[1:], tips[1:], 25.0, "+Z"))))
+    assert file["data"]["points"].shape == (4, 20, 65535)
 
 
 def test_without_ezc3d_it_says_how_to_get_it_and_writes_nothing(tmp_path):

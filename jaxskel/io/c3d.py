@@ -10,8 +10,8 @@ from .._files import written_whole
 from .._poses import Poses
 from .markers import Markers, to_markers, with_up
 
-# The number of the first frame has 16 bits in the header.
-_LAST_START = 2**16 - 2
+# Frames are counted from 1 in 16 bits.
+_MOST_FRAMES = 2**16 - 1
 
 
 def write_c3d(path: str | Path, poses: Poses, *, up: str = "+Z") -> Path:
@@ -19,7 +19,7 @@ def write_c3d(path: str | Path, poses: Poses, *, up: str = "+Z") -> Path:
 
     A frame without a pose has points with residual -1, which says that they were not seen. The format counts frames
     from 1, without gaps: frame 0 of the material is frame 1 of the file, and `poses.frame_index` gives the first only
-    (or nothing, where it is beyond the 65535 that the format can say).
+    (or nothing, where the last would be beyond the 65535 that the format can say).
 
     Args:
         path: The file; its folder is made where it is missing.
@@ -31,11 +31,13 @@ def write_c3d(path: str | Path, poses: Poses, *, up: str = "+Z") -> Path:
         The path.
 
     Raises:
-        ValueError: There are no frames, or `up` is not one of `jaxskel.UP_AXES`.
+        ValueError: There are no frames or more than 65535, or `up` is not one of `jaxskel.UP_AXES`.
         ImportError: ezc3d is not installed.
     """
     ezc3d = _ezc3d()
     path, markers = Path(path), to_markers(with_up(poses, up))
+    if len(markers) > _MOST_FRAMES:
+        raise ValueError(f"{path}: {len(markers)} frames; a C3D holds {_MOST_FRAMES} at most, so cut them into parts")
     seen = ~np.isnan(markers.positions).any(-1)
     file: Any = ezc3d.c3d()
     point = file["parameters"]["POINT"]
@@ -47,7 +49,7 @@ def write_c3d(path: str | Path, poses: Poses, *, up: str = "+Z") -> Path:
     file.add_parameter("POINT", "Y_SCREEN", [up])
     start = int(markers.frame_index[0])
     # Counted from 0 here; ezc3d adds the 1.
-    file["header"]["points"]["first_frame"] = start if 0 <= start <= _LAST_START else 0
+    file["header"]["points"]["first_frame"] = start if 0 <= start <= _MOST_FRAMES - len(markers) else 0
     file["data"]["points"] = _by_axis(markers)
     file["data"]["meta_points"]["residuals"] = np.where(seen, 0.0, -1.0).T[None]
     # ezc3d opens its file by a name that must end in .c3d, so it cannot write one that is to appear as a whole.
