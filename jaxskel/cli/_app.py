@@ -12,6 +12,7 @@ from ._check import check
 from ._demo import demo
 from ._evaluate import evaluate
 from ._init import init
+from ._export import export
 from ._run import run
 
 app = typer.Typer(
@@ -26,6 +27,7 @@ app.command()(run)
 app.command()(evaluate)
 app.command()(check)
 app.command()(calibrate_body)
+app.command()(export)
 
 
 def _show_version(wanted: bool) -> None:
