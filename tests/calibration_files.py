@@ -168,19 +168,18 @@ def qualisys(folder: Path, rig: Rig) -> Path:
         r = rig.R[i] * [[1], [-1], [-1]]
         x, y, z = -rig.R[i].T @ rig.t[i] * 1000
         k1, k2, p1, p2, k3 = rig.dist[i, :5]
-        turn = " ".join(f'r{row + 1}{col + 1}="{r[row, col]!r}"' for row in range(3) for col in range(3))
+        turn = " ".join(f'r{row + 1}{col + 1}="{r[row, col]}"' for row in range(3) for col in range(3))
         text += f"""<camera active="1" serial="{name}" model="Miqus Video" viewrotation="0">
 <fov_video left="{left}" top="{top}" right="{left + rig.size[i, 0] - 1}" bottom="{top + rig.size[i, 1] - 1}"/>
-<transform x="{x!r}" y="{y!r}" z="{z!r}" {turn}/>
-<intrinsic focalLengthU="{64 * rig.K[i, 0, 0]!r}" focalLengthV="{64 * rig.K[i, 1, 1]!r}" skew="0"
- centerPointU="{64 * (rig.K[i, 0, 2] + left)!r}" centerPointV="{64 * (rig.K[i, 1, 2] + top)!r}"
- radialDistortion1="{k1!r}" radialDistortion2="{k2!r}" radialDistortion3="{k3!r}"
- tangentalDistortion1="{p1!r}" tangentalDistortion2="{p2!r}"/>
+<transform x="{x}" y="{y}" z="{z}" {turn}/>
+<intrinsic focalLengthU="{64 * rig.K[i, 0, 0]}" focalLengthV="{64 * rig.K[i, 1, 1]}" skew="0"
+ centerPointU="{64 * (rig.K[i, 0, 2] + left)}" centerPointV="{64 * (rig.K[i, 1, 2] + top)}"
+ radialDistortion1="{k1}" radialDistortion2="{k2}" radialDistortion3="{k3}"
+ tangentalDistortion1="{p1}" tangentalDistortion2="{p2}"/>
 </camera>
 """
     marker = '<camera active="1" serial="9" model="Oqus 400"/><camera active="0" serial="8" model="Miqus Video"/>'
-    (folder / "lab.qca.txt").write_text(text.replace("np.float64(", "").replace(')"', '"') + marker
-                                        + "</cameras></calibration>")  # fmt: skip
+    (folder / "lab.qca.txt").write_text(text + marker + "</cameras></calibration>")
     return folder / "lab.qca.txt"
 
 
