@@ -149,7 +149,7 @@ def test_a_model_of_colmap_that_is_none(name, old, new, says, tmp_path):
         ("opencv", "cam_1.yml", "rows", "   rows: 4", "key 'camera_matrix': claims 4 x 3 numbers but holds 9"),
         ("opencv", "cam_1.yml", "rows", "   rows: .Nan", "key 'camera_matrix': is no matrix"),
         ("opencv", "cam_1.yml", "data", "   data: [ 1., .Nan, 1,", "camera_matrix"),
-        ("easymocap", "intri.yml", "- cam_1", "   - cam_7", "camera cam_7: K_cam_7 is missing"),
+        ("easymocap", "intri.yml", "- cam_1", "   - cam_7", "camera cam_7: R_cam_7 is missing"),
         ("easymocap", "intri.yml", "names", "things:", "key 'names': is missing"),
         ("easymocap", "extri.yml", "T_cam_1", "S_cam_1: !!opencv-matrix", "camera cam_1: T_cam_1 is missing"),
         ("easymocap", "extri.yml", "data", "   data: [ 0., 0., 0. ]", "R_cam_1 and Rot_cam_1 are different"),
