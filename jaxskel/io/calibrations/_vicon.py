@@ -71,7 +71,7 @@ def _entry(path: Path, camera: Element) -> CameraEntry:
 
 
 def _radial(path: Path, name: str, given: dict[str, str], middle: np.ndarray) -> np.ndarray:
-    """Three coefficients of the square, fourth and sixth power of the distance in pixels."""
+    """Coefficients of the square, fourth and sixth power of the distance in pixels; older files lack the last."""
     if "VICON_RADIAL2" in given:
         model, *words = given["VICON_RADIAL2"].split() or [""]
         if model != "Vicon3Parameter":
