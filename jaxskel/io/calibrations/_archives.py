@@ -55,7 +55,11 @@ def read_array(path: Path) -> np.ndarray:
     try:
         array = np.load(io.BytesIO(content), allow_pickle=False)
     except Exception as error:  # the header is a Python expression: hostile ones raise anything
-        raise fault(path, None, f"is not an array of numbers ({type(error).__name__}); write numpy.save") from None
+        raise fault(
+            path,
+            None,
+            f"is no array of plain numbers ({type(error).__name__}), and a pickle is never read; write numpy.save",
+        ) from None
     if not isinstance(array, np.ndarray):
         raise fault(path, None, "is an archive; name it .npz")
     return numbers(path, {"array": array}, "array", None)

@@ -155,7 +155,8 @@ def _sizes(path: Path, contents: Contents, given: Mapping[str, tuple[int, int]])
     found = []
     for entry in contents.entries:
         stated, view = entry.size, given.get(entry.name)
-        if stated is None and view is None:
+        size = view if stated is None else stated
+        if size is None:
             raise camera_fault(
                 path,
                 entry.name,
@@ -168,7 +169,7 @@ def _sizes(path: Path, contents: Contents, given: Mapping[str, tuple[int, int]])
                 f"was calibrated at {stated[0]:g} x {stated[1]:g}, but its images are {view[0]} x {view[1]}; "
                 "calibrate at the size that is recorded, or resize the images",
             )
-        found.append(stated or view)
+        found.append((float(size[0]), float(size[1])))
     return found
 
 

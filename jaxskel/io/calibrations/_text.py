@@ -17,17 +17,17 @@ _MAX_BYTES = 16 << 20
 _MAX_NUMBER = 1e9
 
 
-def read_text(path: Path) -> str:
+def read_text(path: Path, most: int = _MAX_BYTES) -> str:
     """The text of a file of bearable size."""
     try:
         with open(path, "rb") as file:
-            content = file.read(_MAX_BYTES + 1)
+            content = file.read(most + 1)
     except OSError as error:
         raise fault(path, None, f"cannot be opened ({error.strerror}); check the path") from None
     except ValueError:  # a path with a zero in it
         raise fault(path, None, "is not a path; check it") from None
-    if len(content) > _MAX_BYTES:
-        raise fault(path, None, f"is longer than {_MAX_BYTES >> 20} MB, too long for a calibration; check the path")
+    if len(content) > most:
+        raise fault(path, None, f"is longer than {most >> 20} MB, too long for a calibration; check the path")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:

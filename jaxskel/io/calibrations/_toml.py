@@ -16,6 +16,11 @@ from ._text import natural_order, numbers, read_text, rotation
 
 _KEYS = ("size", "matrix", "distortions", "rotation", "translation")
 _MILLIMETRE = 0.001
+# A camera takes 1 kB. The reader of TOML takes time by the square of the parts of a key, a.b.c: hours, for a file that
+# is nothing else, so lines are no longer than a camera, and tables no deeper than anybody's.
+_MAX_BYTES = 2 << 20
+_LONGEST_LINE = 4000
+_DEEPEST = 30
 
 
 def read_toml(path: Path) -> Contents:
@@ -27,8 +32,12 @@ def read_toml(path: Path) -> Contents:
     cam_2 before cam_10, and those that Caliscope ignores are left out. Its ``rotation_count`` says how an image is
     shown; the calibration is that of the image as recorded.
     """
+    text = read_text(path, _MAX_BYTES)
+    for line in text.splitlines():
+        if len(line) > _LONGEST_LINE or line.partition("=")[0].count(".") > _DEEPEST:
+            raise fault(path, None, f"has a line that is no calibration's: {line[:60]!r}; export it again")
     try:
-        table = tomllib.loads(read_text(path))
+        table = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise fault(path, None, f"is not TOML ({error}); export the calibration again") from None
     nested = table.get("cameras")
@@ -49,7 +58,7 @@ def read_toml(path: Path) -> Contents:
         square = numbers(path, "metadata", "charuco_square_size", metadata["charuco_square_size"], 1)[0]
         up = "+Z" if metadata.get("groundplane_calibration") is True else None
         return Contents("FreeMoCap TOML", entries, _MILLIMETRE if square > 1 else 1.0, up)
-    if path.name.startswith("Calib") or all(len(entry.dist) == 4 for entry in entries):
+    if path.name.startswith("Calib") or (entries and all(len(entry.dist) == 4 for entry in entries)):
         return Contents("Pose2Sim TOML", entries, 1.0, "+Z")
     return Contents("Anipose TOML", entries, 1.0, None)
 

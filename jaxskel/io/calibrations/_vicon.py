@@ -45,17 +45,19 @@ def _entry(path: Path, camera: Element) -> CameraEntry:
         raise camera_fault(path, name, "has no KeyFrame; calibrate the camera, or take it out")
     given = frames[0].attrib
     focal = attribute(path, name, given, "FOCAL_LENGTH")[0]
-    aspect = (
-        attribute(path, name, camera.attrib, "PIXEL_ASPECT_RATIO")[0] if "PIXEL_ASPECT_RATIO" in camera.attrib else 1
-    )
-    if focal <= 0 or aspect <= 0:
-        raise camera_fault(path, name, "FOCAL_LENGTH and PIXEL_ASPECT_RATIO must be positive; calibrate it again")
+    aspect = split_numbers(path, name, "PIXEL_ASPECT_RATIO", camera.get("PIXEL_ASPECT_RATIO", "1"), 1)[0]
+    if focal < 1 or not 0.1 < aspect < 10:
+        raise camera_fault(
+            path, name, f"FOCAL_LENGTH {focal:g} px or PIXEL_ASPECT_RATIO {aspect:g} is no camera's; calibrate it again"
+        )
     middle = attribute(path, name, given, "PRINCIPAL_POINT", 2)
     width, height = attribute(path, name, camera.attrib, "SENSOR_SIZE", 2).tolist()
     R = from_quaternion(path, name, "ORIENTATION", attribute(path, name, given, "ORIENTATION", 4))
     radial = _radial(path, name, given, middle)
     if radial.any() and aspect != 1:
-        raise camera_fault(path, name, "has pixels that are not square and a distorted lens, which is not read")
+        raise camera_fault(
+            path, name, "has a distorted lens and pixels that are not square; undistort its images first"
+        )
     # At least one pixel, whatever the file says of its sensor: that is checked with all formats'.
     corner = max(1.0, np.hypot(*(np.maximum(np.abs(middle), np.abs(np.array([width, height]) - middle)))))
     return CameraEntry(
@@ -69,7 +71,7 @@ def _entry(path: Path, camera: Element) -> CameraEntry:
 
 
 def _radial(path: Path, name: str, given: dict[str, str], middle: np.ndarray) -> np.ndarray:
-    """Three coefficients of the square, fourth and sixth power of the distance in pixels."""
+    """Coefficients of the square, fourth and sixth power of the distance in pixels; older files lack the last."""
     if "VICON_RADIAL2" in given:
         model, *words = given["VICON_RADIAL2"].split() or [""]
         if model != "Vicon3Parameter":
@@ -77,7 +79,7 @@ def _radial(path: Path, name: str, given: dict[str, str], middle: np.ndarray) ->
         found = numbers(path, name, "VICON_RADIAL2", [to_number(word) for word in words], 5)
         if found[2:].any() and np.abs(found[:2] - middle).max() > _SAME_POINT:
             raise camera_fault(
-                path, name, "VICON_RADIAL2 and PRINCIPAL_POINT have different centres, which is not read"
+                path, name, "VICON_RADIAL2 and PRINCIPAL_POINT have different centres; undistort its images first"
             )
         return found[2:]
     found = split_numbers(path, name, "VICON_RADIAL", given.get("VICON_RADIAL", "0 0"), 2)

@@ -10,10 +10,13 @@ from .._archive import fault
 from ._calibration import camera_fault
 from ._text import read_text, split_numbers
 
+# A camera takes 3 kB; elements take a hundred times as much memory as text.
+_MAX_BYTES = 2 << 20
+
 
 def read_xml(path: Path) -> ElementTree.Element:
     """The root of a file without a document type: entities could fill the memory or name other files."""
-    text = read_text(path)
+    text = read_text(path, _MAX_BYTES)
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise fault(path, None, "has a DOCTYPE, which no calibration needs; take it out")
     try:
