@@ -11,8 +11,8 @@ from ._calibrate_body import calibrate_body
 from ._check import check
 from ._demo import demo
 from ._evaluate import evaluate
-from ._init import init
 from ._export import export
+from ._init import init
 from ._run import run
 
 app = typer.Typer(
