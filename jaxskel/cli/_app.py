@@ -13,6 +13,7 @@ from ._demo import demo
 from ._evaluate import evaluate
 from ._export import export
 from ._init import init
+from ._refine_cameras import refine_cameras
 from ._run import run
 
 app = typer.Typer(
@@ -27,6 +28,7 @@ app.command()(run)
 app.command()(evaluate)
 app.command()(check)
 app.command()(calibrate_body)
+app.command()(refine_cameras)
 app.command()(export)
 
 

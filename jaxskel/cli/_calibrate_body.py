@@ -1,4 +1,4 @@
-"""`jaxskel calibrate-body`: a subject's bone lengths and radii from a sequence file."""
+"""`jaxskel calibrate-body`: a subject's bone lengths and radii from a recording."""
 
 from pathlib import Path
 from typing import Annotated
@@ -12,13 +12,13 @@ from .._calibrate_body import calibrate_body as found_body
 from .._skeleton import default_adult
 from ..io import read_recording, write_subject
 from ._progress import progress_bar
-from ._run import MaxMisses, Preset, Sequence, Spacing, make_settings
+from ._run import MaxMisses, Preset, Recorded, Spacing, make_settings
 
 _STATURES = (0.8, 2.4)  # m
 
 
 def calibrate_body(
-    sequence: Sequence,
+    source: Recorded,
     output: Annotated[Path, typer.Option("--output", "-o", help="TOML file to write, for `run --subject`.")] = Path(
         "subject.toml"
     ),
@@ -29,12 +29,12 @@ def calibrate_body(
     spacing: Spacing = 0.015,
     max_misses: MaxMisses = None,
 ) -> None:
-    """Find the subject's bone lengths and radii from the silhouettes; dimensions in the sequence are not looked at."""
+    """Find the subject's bone lengths and radii from the silhouettes; dimensions in the recording are not looked at."""
     if stature is not None and not _STATURES[0] < stature < _STATURES[1]:
         raise ValueError(f"--stature {stature:g}: give metres between {_STATURES[0]} and {_STATURES[1]}")
     if output.is_dir():
         raise ValueError(f"{output}: the output must be a file, but this is a folder; choose another name")
-    recording = read_recording(sequence)
+    recording = read_recording(source)
     settings = make_settings(Preset.DEFAULT, spacing, max_misses, None)
     progress, task = progress_bar(STAGES[0], len(STAGES))
     with progress:

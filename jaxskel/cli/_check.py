@@ -19,13 +19,13 @@ from .._reproject import agreement, reproject
 from .._views import lost_views, silhouette_areas
 from ..io import read_recording
 from ..overlays import draw_box, draw_hull, draw_silhouette, tile, write_image
-from ._run import Box, MaxMisses, Preset, Sequence, Spacing, make_settings
+from ._run import Box, MaxMisses, Preset, Recorded, Spacing, make_settings
 
 _FRAMES = 8
 
 
 def check(
-    sequence: Sequence,
+    source: Recorded,
     output: Annotated[Path, typer.Option("--output", "-o", help="Picture to write.")] = Path("check.png"),
     frame: Annotated[int | None, typer.Option(help="Frame to draw, counted from 0; the middle one by default.")] = None,
     spacing: Spacing = 0.015,
@@ -33,15 +33,15 @@ def check(
     box: Box = None,
 ) -> None:
     """Draw the voxel box and the hull's reprojection; report its coverage of the silhouettes in every view."""
-    recording = read_recording(sequence)
+    recording = read_recording(source)
     drawn = len(recording) // 2 if frame is None else frame
     if not 0 <= drawn < len(recording):
-        raise ValueError(f"{sequence}: there is no frame {drawn}; give 0 to {len(recording) - 1}")
+        raise ValueError(f"{source}: there is no frame {drawn}; give 0 to {len(recording) - 1}")
     settings = make_settings(Preset.DEFAULT, spacing, max_misses, box)
     # No pose is needed, hence no body.
     prepared = prepare(recording, replace(settings, search=None))
     if prepared.table is None:
-        raise ValueError(f"{sequence}: no frame has a hull of a person's size; {_suspect(recording, settings)}")
+        raise ValueError(f"{source}: no frame has a hull of a person's size; {_suspect(recording, settings)}")
     cameras, grid = recording.cameras.rotated(prepared.to_z_up), prepared.table.grid
     chosen = np.unique(np.append(np.linspace(0, len(recording) - 1, _FRAMES).astype(int), drawn))
     sils = recording.silhouettes[chosen]
@@ -70,7 +70,7 @@ def check(
     write_image(output, tile(images, labels, columns=min(5, len(images))))
     Console().print(_table(cameras.names, coverage, spill, lost))
     print(_describe(recording, grid, hulls))
-    print(f"{output}: frame {drawn} of {sequence}, silhouettes grey, hull yellow, voxel box violet")
+    print(f"{output}: frame {drawn} of {source}, silhouettes grey, hull yellow, voxel box violet")
 
 
 def _table(names: tuple[str, ...], coverage: np.ndarray, spill: np.ndarray, lost: np.ndarray) -> Table:

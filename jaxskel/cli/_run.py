@@ -1,4 +1,4 @@
-"""`jaxskel run`: a sequence file to poses."""
+"""`jaxskel run`: a recording to poses."""
 
 import sys
 from dataclasses import replace
@@ -16,7 +16,7 @@ from .._track import Tracking
 from ..io import read_body, read_recording, read_subject, write_poses
 from ._progress import StageTimes, advice, reconstruct_with_progress, summary
 
-Sequence = Annotated[Path, typer.Argument(help="Sequence file (.npz): silhouettes and cameras.")]
+Recorded = Annotated[Path, typer.Argument(metavar="RECORDING", help="Folder with a recording.toml, or sequence file.")]
 Spacing = Annotated[float, typer.Option(help="Edge length of a voxel (m).")]
 Box = Annotated[
     tuple[float, float, float, float, float, float] | None,
@@ -41,7 +41,7 @@ MaxMisses = Annotated[
 
 
 def run(
-    sequence: Sequence,
+    source: Recorded,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write to.")],
     subject: Annotated[Path | None, typer.Option(help="TOML file with the subject's dimensions.")] = None,
     spacing: Spacing = 0.015,
@@ -57,7 +57,7 @@ def run(
     """Reconstruct every frame; write poses.npz and poses.csv."""
     if track and preset is Preset.PAPER:
         raise ValueError("--track: the paper's method treats each frame by itself; leave out --track or --preset")
-    recording = read_recording(sequence)
+    recording = read_recording(source)
     if subject is not None:
         recording = eqx.tree_at(
             lambda r: r.skeleton, recording, read_subject(subject), is_leaf=lambda leaf: leaf is None
@@ -80,7 +80,7 @@ def run(
     print(f"{archive}, {table}: {summary(poses, times)}")
     problem = advice(poses, recording)
     if problem:
-        print(f"jaxskel: {sequence}: {problem}", file=sys.stderr)
+        print(f"jaxskel: {source}: {problem}", file=sys.stderr)
         raise typer.Exit(1)
 
 
