@@ -11,6 +11,7 @@ from ._calibrate_body import calibrate_body
 from ._check import check
 from ._demo import demo
 from ._evaluate import evaluate
+from ._report import report
 from ._run import run
 
 app = typer.Typer(
@@ -24,6 +25,7 @@ app.command()(run)
 app.command()(evaluate)
 app.command()(check)
 app.command()(calibrate_body)
+app.command()(report)
 
 
 def _show_version(wanted: bool) -> None:
