@@ -17,9 +17,7 @@ _STEP = 1e-4
 _LARGEST = 32767
 
 
-def page_numbers(
-    recording: Recording, poses: Poses, truth: Truth | None, overlays: Overlays
-) -> dict[str, Any]:
+def page_numbers(recording: Recording, poses: Poses, truth: Truth | None, overlays: Overlays) -> dict[str, Any]:
     """Everything that the page's scripts read, ready for JSON.
 
     Points are turned to a world with z up. Arrays are base64, see `packed`.
@@ -35,6 +33,9 @@ def page_numbers(
     true = None if truth is None else body_points(truth.joints, truth.tips) @ turn.T
     origin, step = _steps([shown] if true is None else [shown, true])
     cameras = recording.cameras
+    # An outline is its first point and the steps from each to the next.
+    first = np.cumsum(overlays.lengths) - overlays.lengths
+    steps = np.delete(np.diff(overlays.points, axis=0, prepend=np.int16(0)), first, axis=0)
     return {
         "name": recording.name, "frames": len(poses), "fps": poses.fps, "up": poses.up,
         "frame_index": packed(poses.frame_index, "<f8"),
@@ -55,7 +56,8 @@ def page_numbers(
         "axes": (np.asarray(cameras.R) @ turn.T).round(5).tolist(),
         "stride": overlays.stride, "shown": len(overlays),
         "counts": packed(overlays.counts, "<u4"), "lengths": packed(overlays.lengths, "<u4"),
-        "outlines": packed(overlays.points, "<i2"), "skeletons": packed(overlays.skeletons, "<i2"),
+        "starts": packed(overlays.points[first], "<i2"), "steps": packed(steps, "i1"),
+        "skeletons": packed(overlays.skeletons, "<i2"),
     }  # fmt: skip
 
 

@@ -58,8 +58,8 @@ def make_overlays(
         if frame % stride == 0:
             shown.append(_frame_outlines(recording, row))
             lengths = [len(outline) for view in shown[-1] for outline in view]
-            # Two bytes for a coordinate, four for a length or a count.
-            sizes.append(packed_size(4 * (sum(lengths) + len(lengths) + views * (_POINTS + 1))))
+            # Two bytes for a step, four for a point, a length or a count.
+            sizes.append(packed_size(2 * sum(lengths) + 8 * len(lengths) + 4 * views * (_POINTS + 1)))
             total += sizes[-1]
             while total > room and len(shown) > 1:
                 stride, shown, sizes = 2 * stride, shown[::2], sizes[::2]

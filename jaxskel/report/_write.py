@@ -11,6 +11,7 @@ from string import Template
 from typing import Any
 
 import numpy as np
+from jaxtyping import Int
 
 from .._files import written_whole
 from .._poses import Poses
@@ -67,7 +68,7 @@ def write_report(
     without = len(page(make_overlays(recording, rows[:0], points[:0], 0)))
     if without > limit:
         raise ValueError(
-            f"report: {len(poses)} frames take {without / 1e6:.1f} MB without any silhouette, more than the limit of "
+            f"report: {len(poses)} frames take {without / 1e6:.2g} MB without any silhouette, more than the limit of "
             f"{limit / 1e6:g} MB; raise the limit, or give poses of fewer frames"
         )
     # The numbers of frames shown and their stride have some digits.
@@ -77,30 +78,30 @@ def write_report(
     return len(content)
 
 
-def recording_rows(recording: Recording, poses: Poses) -> np.ndarray:
+def recording_rows(recording: Recording, poses: Poses) -> Int[np.ndarray, " frames"]:
     """The frame of the recording that belongs to each frame of the poses, by frame index."""
-    if poses.up != recording.up:
-        raise ValueError(f"{recording.name}: up is {recording.up} but the poses have {poses.up}; give those made of it")
-    if not np.isclose(poses.fps, recording.fps):
-        raise ValueError(
-            f"{recording.name}: {recording.fps:g} frames per second but the poses have {poses.fps:g}; give those made "
-            "of it"
-        )
+    if len(poses) == 0:
+        raise ValueError("report: the poses have no frames; give at least one")
+    for what, mine, theirs in (("up", recording.up, poses.up), ("frames per second", recording.fps, poses.fps)):
+        if mine != theirs:
+            raise ValueError(
+                f"{recording.name}: {what} {mine} but the poses have {theirs}; give the recording they were made of"
+            )
+    if np.array_equal(recording.frame_index, poses.frame_index):
+        return np.arange(len(poses))
     row = {number: i for i, number in enumerate(recording.frame_index.tolist())}
     missing = [number for number in poses.frame_index.tolist() if number not in row]
-    if missing or not len(poses):
+    if missing:
         raise ValueError(
-            f"{recording.name}: no frame {missing[0]}, of which there is a pose ({len(missing)} of {len(poses)} frames); "
-            "give the recording that the poses were made of"
-            if missing
-            else "report: the poses have no frames; give at least one"
+            f"{recording.name}: frame {missing[0]} is not there, of which there is a pose ({len(missing)} of "
+            f"{len(poses)} frames); give the recording that the poses were made of"
         )
     return np.array([row[number] for number in poses.frame_index.tolist()], np.int64)
 
 
 def make_page(numbers: dict[str, Any], recording: Recording, poses: Poses, scored: Score | None) -> str:
     """The page as text. Its policy allows its own script and style by their hashes, and nothing else."""
-    parts = files(__package__)
+    parts = files("jaxskel.report")
     script = "\n".join(parts.joinpath(name).read_text("utf-8") for name in _SCRIPTS)
     style = parts.joinpath("style.css").read_text("utf-8")
     # In JSON, "<" stands in texts only; escaped, no name can end the script that holds it.

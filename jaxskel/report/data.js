@@ -10,10 +10,11 @@ function decoded(text, Kind) {
 
 const data = JSON.parse(document.getElementById("data").textContent);
 const POINTS = data.parents.length;
-for (const key of ["points", "truth", "outlines", "skeletons"]) {
+for (const key of ["points", "truth", "starts", "skeletons"]) {
   data[key] = data[key] === null ? null : decoded(data[key], Int16Array);
 }
 for (const key of ["confidence", "side_confidence", "status"]) data[key] = decoded(data[key], Uint8Array);
+data.steps = decoded(data.steps, Int8Array);
 for (const key of ["counts", "lengths"]) data[key] = decoded(data[key], Uint32Array);
 data.frame_index = decoded(data.frame_index, Float64Array);
 
