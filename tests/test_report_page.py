@@ -305,7 +305,7 @@ def test_where_silhouettes_are_left_out_the_views_say_so(driver, recording, pose
     page = Page(driver, tmp_path / "thin.html", FRAMES - 1)
     shown = (FRAMES - 1) // stride * stride
     assert int(page.data("#views canvas")["frame"]) == shown
-    assert re.search(rf"one frame of {stride}\b", page.find("#thinned").text)
+    assert re.search(rf"one frame of {stride}: here frame {shown}\.", page.find("#thinned").text)
     page.find("#views figure").click()
     picture = page.picture("#views canvas")
     assert of_colour(picture, in_view(page, recording, 0, poses.joints[shown]), JOINT["light"]) == 15

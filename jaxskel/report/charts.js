@@ -123,14 +123,21 @@ class Charts {
     const { label, chart } = this.row("status", "band");
     const note = document.createElement("small");
     label.append(note);
+    const kind = (frame) => (hasPose(frame) ? `status-${data.status[frame]}` : "lost");
+    const runs = [];
     for (let start = 0, end = 0; start < data.frames; start = end) {
       while (end < data.frames && data.status[end] === data.status[start]) end++;
-      const kind = hasPose(start) ? `status-${data.status[start]}` : "lost";
-      const run = svg("rect", { class: kind, x: start, y: 0, width: end - start, height: 1 }, chart);
+      runs.push([start, end]);
+    }
+    // What is worse lies on top, and a single frame of a long recording is still wide enough to be seen.
+    runs.sort(([a], [b]) => data.status[a] - data.status[b]);
+    for (const [start, end] of runs) {
+      const width = Math.max(end - start, data.frames / 800);
+      const run = svg("rect", { class: kind(start), x: start, y: 0, width, height: 1 }, chart);
       svg("title", {}, run).textContent = `${statusName(start)}: frames ${start} to ${end - 1}`;
     }
     this.addCursor(chart, (frame) => {
-      note.className = `swatch ${hasPose(frame) ? `status-${data.status[frame]}` : "lost"}`;
+      note.className = `swatch ${kind(frame)}`;
       note.textContent = statusName(frame);
     });
   }

@@ -4,6 +4,8 @@
 const BONE = 0.045; // m, width of a bone
 const GRID = 0.5; // m between the lines of the floor
 
+const between = (start, end, share) => start.map((x, k) => x + share * (end[k] - x));
+
 class Scene {
   constructor(canvas) {
     this.canvas = canvas;
@@ -61,19 +63,20 @@ class Scene {
     if (this.options.cameras) data.cameras.forEach((centre, i) => this.drawCamera(centre, data.axes[i]));
     const bones = this.bones(points);
     this.shadow(bones);
-    if (this.options.truth && data.truth !== null) {
-      for (const { ends } of this.bones(pointsOf(data.truth, frame))) this.stroke(ends, colours.true, 0.02, 0.9);
-    }
     bones.sort((a, b) => b.depth - a.depth);
     for (const { joint, ends } of bones) {
       // A joint that is hardly sure fades; a tip is as sure as its joint.
       const of = joint < data.joints.length ? joint : data.parents[joint];
       const sure = data.confidence[frame * data.joints.length + of] / 255;
-      // What lies behind is cut off, but not the bones of the same joint.
+      // What lies behind is cut off, but not the bones that meet at a joint: the rim leaves out both ends.
       this.pen.lineCap = "butt";
-      this.stroke(ends, colours.panel, BONE + 0.02, 1);
+      this.stroke([between(...ends, 0.25), between(...ends, 0.75)], colours.panel, BONE + 0.02, 1);
       this.pen.lineCap = "round";
       this.stroke(ends, colours[sideOf[joint]], BONE, 0.25 + 0.75 * sure);
+    }
+    // Over the bones, because good ones would hide it.
+    if (this.options.truth && data.truth !== null) {
+      for (const { ends } of this.bones(pointsOf(data.truth, frame))) this.stroke(ends, colours.true, BONE / 3, 1);
     }
     this.drawJoints(points);
     // For tests, and for whoever wants to know what is shown.

@@ -23,11 +23,10 @@ class Views {
       new ResizeObserver(() => this.draw(this.frame)).observe(canvas);
       return { ...view, figure, canvas, window: this.windowOf(view, i) };
     });
+    this.note = document.getElementById("thinned");
+    this.note.hidden = data.stride === 1 && data.shown > 0;
+    this.note.textContent = "The page has no room for silhouettes.";
     this.layout();
-    const note = document.getElementById("thinned");
-    note.hidden = data.stride === 1 && data.shown > 0;
-    note.textContent = data.shown === 0 ? "The page has no room for silhouettes."
-      : `To keep the page small, the views show one frame of ${data.stride}.`;
   }
 
   // Where the outlines of each shown frame and view begin: in the list of outlines and in that of steps.
@@ -80,6 +79,8 @@ class Views {
     this.frame = frame;
     const shown = Math.min(Math.floor(frame / data.stride), data.shown - 1);
     if (shown < 0) return;
+    this.note.textContent = `To keep the page small, the views show one frame of ${data.stride}: here frame `
+      + `${shown * data.stride}.`;
     this.views.forEach((view, i) => {
       const { pen, width } = fitted(view.canvas);
       if (width === 0) return;
