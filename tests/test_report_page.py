@@ -1,36 +1,28 @@
 """The report's page in a real browser: it plays, scrubs and orbits, and draws what the poses say."""
 
-import base64
 import json
 import re
-import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import equinox as eqx
 import numpy as np
 import pytest
+from browsed import BROWSER, DRIVER, JOINT, PANEL, Page, browser, in_scene, of_colour
 from reported import FRAMES, LOST, filmed, numbers_in, poses_of
+from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
+from selenium.webdriver.common.keys import Keys
 
-from jaxskel import Poses, Recording, project, unpack_silhouettes
+from jaxskel import Poses, Recording, default_adult, project, read_recording, unpack_silhouettes
+from jaxskel._recording import rotation_to_z_up
 from jaxskel.report import write_report
 
-webdriver = pytest.importorskip("selenium.webdriver", reason="needs selenium: pip install selenium")
-from selenium.webdriver.chrome.service import Service  # noqa: E402
-from selenium.webdriver.common.action_chains import ActionChains  # noqa: E402
-from selenium.webdriver.common.keys import Keys  # noqa: E402
-from selenium.webdriver.support.wait import WebDriverWait  # noqa: E402
-
-BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-DRIVER = shutil.which("chromedriver")
 pytestmark = pytest.mark.skipif(
     not (BROWSER and DRIVER), reason="needs Chromium and its driver: apt-get install chromium chromium-driver"
 )
 
-JOINT = {"light": (0x1D, 0x21, 0x27), "dark": (0xF2, 0xF4, 0xF7)}
-PANEL = {"light": (0xF5, 0xF6, 0xF8), "dark": (0x1D, 0x21, 0x28)}
+REAL = Path(__file__).parents[2] / "shared" / "data" / "real" / "vlasic_crane" / "vlasic_crane.npz"
 
 
 @pytest.fixture(scope="module")
@@ -45,18 +37,7 @@ def poses(recording) -> Poses:
 
 @pytest.fixture(scope="module")
 def driver(tmp_path_factory) -> Iterator:
-    options = webdriver.ChromeOptions()
-    options.binary_location = BROWSER
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    for flag in (
-        "headless", "no-sandbox", "disable-gpu", "disable-quic", "no-first-run", "disable-background-networking",
-        "disable-component-update", "disable-sync", "disable-dev-shm-usage", "window-size=1400,1000",
-        f"user-data-dir={tmp_path_factory.mktemp('browser')}",
-    ):  # fmt: skip
-        options.add_argument(f"--{flag}")
-    started = webdriver.Chrome(options, Service(DRIVER))
-    yield started
-    started.quit()
+    yield from browser(tmp_path_factory.mktemp("browser"))
 
 
 @pytest.fixture(scope="module")
@@ -64,71 +45,6 @@ def file(recording, poses, tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("page") / "report.html"
     write_report(path, recording, poses)
     return path
-
-
-class Page:
-    """A page that was opened at a frame."""
-
-    def __init__(self, driver, file: Path, frame: int = 0):
-        self.driver = driver
-        driver.get("about:blank")
-        for log in ("browser", "performance"):
-            driver.get_log(log)  # what came before is gone
-        driver.get(f"{file.as_uri()}#{frame}")
-
-    def find(self, selector: str):
-        return self.driver.find_element("css selector", selector)
-
-    @property
-    def frame(self) -> int:
-        return int(self.find("html").get_attribute("data-frame"))
-
-    def data(self, selector: str) -> dict:
-        return self.driver.execute_script("return {...document.querySelector(arguments[0]).dataset}", selector)
-
-    def picture(self, selector: str, theme: str = "light") -> np.ndarray:
-        """What a canvas shows, red first; where nothing is drawn, its panel."""
-        script = "return document.querySelector(arguments[0]).toDataURL()"
-        url = self.driver.execute_script(script, selector)
-        image = cv2.imdecode(np.frombuffer(base64.b64decode(url.split(",")[1]), np.uint8), cv2.IMREAD_UNCHANGED)
-        alpha = image[..., 3:] / 255.0
-        return (alpha * image[..., 2::-1] + (1 - alpha) * np.array(PANEL[theme])).round().astype(np.uint8)
-
-    def act(self, build) -> None:
-        build(ActionChains(self.driver)).perform()
-
-    def drag(self, right: int, down: int, key: str | None = None) -> None:
-        scene = self.find("#scene")
-        chain = ActionChains(self.driver).move_to_element(scene)
-        chain = chain.key_down(key) if key else chain
-        chain = chain.click_and_hold().move_by_offset(right, down).release()
-        (chain.key_up(key) if key else chain).perform()
-
-    def wait(self, until) -> None:
-        WebDriverWait(self.driver, 60, 0.02).until(lambda _: until())
-
-    def errors(self) -> list[str]:
-        return [entry["message"] for entry in self.driver.get_log("browser")]
-
-
-def of_colour(picture: np.ndarray, points: np.ndarray, colour: tuple[int, int, int]) -> int:
-    """Of how many points the pixel has a colour."""
-    columns, rows = np.floor(points).astype(int).T
-    inside = (columns >= 0) & (rows >= 0) & (columns < picture.shape[1]) & (rows < picture.shape[0])
-    pixels = picture[rows[inside], columns[inside]].astype(int)
-    return int((np.abs(pixels - np.array(colour)).max(axis=1) < 40).sum())
-
-
-def in_scene(page: Page, joints: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """Where the page's own camera sees joints (pixels of the canvas), by its angles only."""
-    shown = page.data("#scene")
-    azimuth, elevation, distance = (float(shown[key]) for key in ("azimuth", "elevation", "distance"))
-    toward = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
-    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0])
-    up = np.cross(toward, right)
-    offset = joints - json.loads(shown["target"])
-    scale = 1.6 * min(shape[:2]) / (distance - offset @ toward)
-    return np.stack([shape[1] / 2 + scale * (offset @ right), shape[0] / 2 - scale * (offset @ up)], -1)
 
 
 def in_view(page: Page, recording: Recording, view: int, joints: np.ndarray) -> np.ndarray:
@@ -221,7 +137,7 @@ def test_dragging_orbits_the_wheel_zooms_and_shift_moves(driver, file, recording
     assert_shows(page, recording, poses, 7)
 
     scene = page.find("#scene")
-    origin = webdriver.common.actions.wheel_input.ScrollOrigin.from_element(scene)
+    origin = ScrollOrigin.from_element(scene)
     page.act(lambda chain: chain.scroll_from_origin(origin, 0, -100))
     zoomed = page.data("#scene")
     assert float(zoomed["distance"]) < float(turned["distance"])
@@ -328,3 +244,25 @@ def test_a_page_without_a_pose_or_without_silhouettes_opens(driver, recording, p
 def _written(path: Path, recording: Recording, poses: Poses, limit: int) -> str:
     write_report(path, recording, poses, limit=limit)
     return path.read_text("utf-8")
+
+
+@pytest.mark.skipif(not REAL.exists(), reason="needs real/vlasic_crane/vlasic_crane.npz in ../shared/data")
+def test_a_real_recording_of_eight_large_views_plays_from_a_small_page(driver, tmp_path):
+    real = read_recording(REAL)
+    # A person at rest on the spot stands for the poses, which take minutes; the silhouettes are what takes room.
+    body, turn = default_adult(), rotation_to_z_up(real.up)
+    joints, tips = ((np.array(p) + [0, 0, 1]) @ turn for p in (body.rest_joints, body.rest_tips))
+    n = len(real)
+    poses = Poses(
+        joints=np.tile(joints.astype(np.float32), (n, 1, 1)), tips=np.tile(tips.astype(np.float32), (n, 1, 1)),
+        confidence=np.ones((n, 15), np.float32), side_confidence=np.ones(n, np.float32), status=np.zeros(n, int),
+        fps=real.fps, up=real.up, frame_index=real.frame_index,
+    )  # fmt: skip
+    assert write_report(tmp_path / "real.html", real, poses) < 15e6
+    page, seen = Page(driver, tmp_path / "real.html"), set()
+    assert not page.find("#thinned").is_displayed()  # every frame is there
+    start = page.picture("#views canvas")
+    page.find("#play").click()
+    page.wait(lambda: seen.add(page.frame) or len(seen) >= 10)
+    assert (page.picture("#views canvas") != start).any()
+    assert page.errors() == []
