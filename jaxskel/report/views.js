@@ -40,20 +40,41 @@ class Views {
     return starts;
   }
 
-  // The part of an image, in steps of the display, in which the skeleton ever is; all of it without any pose.
+  // Corners of the largest outline of a view in a frame: the person, not a blob. Nothing where there is none.
+  largestOutline(slot) {
+    let [outline, at] = this.starts[slot];
+    let [corners, largest] = [[], 0];
+    for (let i = 0; i < data.counts[slot]; i++, outline++) {
+      let [x, y] = [data.starts[2 * outline], data.starts[2 * outline + 1]];
+      let [left, top, right, bottom] = [x, y, x, y];
+      for (let more = data.lengths[outline] - 1; more > 0; more--) {
+        x += data.steps[at++];
+        y += data.steps[at++];
+        [left, top, right, bottom] = [Math.min(left, x), Math.min(top, y), Math.max(right, x), Math.max(bottom, y)];
+      }
+      const area = (right - left) * (bottom - top);
+      if (area > largest) [corners, largest] = [[[left, top], [right, bottom]], area];
+    }
+    return corners;
+  }
+
+  // The part of an image, in steps of the display, in which person and skeleton ever are; all of it without any.
   windowOf(view, i) {
     const whole = [0, 0, view.size[0] * view.scale, view.size[1] * view.scale];
     let box = [Infinity, Infinity, -Infinity, -Infinity];
     for (let shown = 0; shown < data.shown; shown++) {
-      const start = 2 * POINTS * (shown * data.views.length + i);
-      for (let at = start; at < start + 2 * POINTS; at += 2) {
-        const [x, y] = [data.skeletons[at], data.skeletons[at + 1]];
+      const slot = shown * data.views.length + i;
+      const points = this.largestOutline(slot);
+      for (let at = 2 * POINTS * slot; at < 2 * POINTS * (slot + 1); at += 2) {
+        points.push([data.skeletons[at], data.skeletons[at + 1]]);
+      }
+      for (const [x, y] of points) {
         if (x === data.unseen || x < 0 || y < 0 || x > whole[2] || y > whole[3]) continue;
         box = [Math.min(box[0], x), Math.min(box[1], y), Math.max(box[2], x), Math.max(box[3], y)];
       }
     }
     if (box[0] > box[2]) return whole;
-    const margin = 0.12 * Math.max(box[2] - box[0], box[3] - box[1]);
+    const margin = 0.06 * Math.max(box[2] - box[0], box[3] - box[1]);
     return [box[0] - margin, box[1] - margin, box[2] + margin, box[3] + margin];
   }
 
