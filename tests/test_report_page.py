@@ -235,7 +235,8 @@ def test_a_page_without_a_pose_or_without_silhouettes_opens(driver, recording, p
     assert page.find("#lost").text == "no pose: no_hull"
     assert page.errors() == []
     noise = np.random.default_rng(0).integers(0, 256, recording.silhouettes.shape).astype(np.uint8)
-    _written(tmp_path / "noise.html", replace(recording, silhouettes=noise), poses, 90_000)
+    limit = write_report(tmp_path / "clean.html", recording, poses)
+    _written(tmp_path / "noise.html", replace(recording, silhouettes=noise), poses, limit)
     page = Page(driver, tmp_path / "noise.html", 1)
     assert page.find("#thinned").text == "The page has no room for silhouettes."
     assert page.errors() == []
