@@ -14,6 +14,7 @@ from ._evaluate import evaluate
 from ._export import export
 from ._init import init
 from ._refine_cameras import refine_cameras
+from ._report import report
 from ._run import run
 
 app = typer.Typer(
@@ -30,6 +31,7 @@ app.command()(check)
 app.command()(calibrate_body)
 app.command()(refine_cameras)
 app.command()(export)
+app.command()(report)
 
 
 def _show_version(wanted: bool) -> None:
