@@ -8,12 +8,13 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from ._saddles import refine_saddles
+
 # How an image is looked at, one after the other until the board is found. A board on the floor is foreshortened and
 # its squares become too flat to be found: the image is stretched upwards. White paper in bright light blooms over the
-# corners of black squares, which then no longer touch: a power of the levels takes the bloom away and leaves the
-# corner, whose two white and two black squares bloom alike, in its place.
+# corners of black squares, which then no longer touch: a power of the levels takes the bloom away.
 Look = tuple[tuple[int, int], float]
-LOOKS: tuple[Look, ...] = tuple(product(((1, 1), (1, 2), (2, 2), (2, 4)), (1.0, 4.0, 8.0)))
+LOOKS: tuple[Look, ...] = tuple(product(((1, 1), (1, 2), (2, 2)), (1.0, 4.0, 8.0)))
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ def find_corners(image: UInt8[np.ndarray, "h w 3"], board: Board) -> Float[np.nd
 def search(
     image: UInt8[np.ndarray, "h w 3"], board: Board, looks: Sequence[Look]
 ) -> tuple[Float[np.ndarray, "corners 2"], Look] | None:
-    """The corners as `find_corners` has them, and the look that found them: the next frame's is most likely the same."""
+    """The corners as `find_corners` has them, and the look that found them, likely the next frame's too."""
     grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     for look in looks:
         (across, down), power = look
@@ -73,12 +74,11 @@ def search(
         if found:
             # An integer is the centre of a pixel in both images.
             corners = (corners.reshape(-1, 2).astype(np.float64) + 0.5) / (across, down) - 0.5
-            return _ordered(corners, grey, board), look
+            return _ordered(refine_saddles(corners.reshape(board.rows, board.columns, 2), grey), grey, board), look
     return None
 
 
-def _ordered(corners: np.ndarray, grey: np.ndarray, board: Board) -> np.ndarray:
-    lattice = corners.reshape(board.rows, board.columns, 2)
+def _ordered(lattice: np.ndarray, grey: np.ndarray, board: Board) -> np.ndarray:
     along, down = lattice[0, -1] - lattice[0, 0], lattice[-1, 0] - lattice[0, 0]
     # Seen from its face, y is to the left of x; v is downwards in the image.
     if along[0] * down[1] - along[1] * down[0] > 0:
@@ -90,8 +90,7 @@ def _ordered(corners: np.ndarray, grey: np.ndarray, board: Board) -> np.ndarray:
 
 def _first_is_white(lattice: np.ndarray, grey: np.ndarray) -> bool:
     """The square between the first corners is white: by all squares, because one of them may be in glare."""
-    middles = (lattice[1:, 1:] + lattice[:-1, :-1] + lattice[1:, :-1] + lattice[:-1, 1:]) / 4
-    flat = middles.reshape(-1, 1, 2).astype(np.float32)
-    levels = np.asarray(cv2.remap(grey, flat, np.empty(0), cv2.INTER_LINEAR)).reshape(middles.shape[:-1])
-    even = np.indices(middles.shape[:-1]).sum(0) % 2 == 0
+    middles = np.rint((lattice[1:, 1:] + lattice[:-1, :-1] + lattice[1:, :-1] + lattice[:-1, 1:]) / 4).astype(int)
+    levels = grey[middles[..., 1], middles[..., 0]]
+    even = np.indices(levels.shape).sum(0) % 2 == 0
     return bool(levels[even].mean() > levels[~even].mean())

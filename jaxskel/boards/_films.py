@@ -11,7 +11,7 @@ from jaxtyping import Float, UInt8
 from ._board import LOOKS, Board, search
 
 _FRAMES = 5  # of a board at rest: enough to tell whether it rests
-# Corners of a board at rest are found to a tenth or two of a pixel; what moves by more is not at rest (px).
+# Corners of a board at rest are found to a tenth of a pixel; what moves by more than that is not at rest (px).
 _AT_REST = 0.5
 
 
@@ -36,13 +36,13 @@ def still_board(film: str | Path, board: Board) -> StillBoard:
         ValueError: The film cannot be read, shows no board, or one that moves.
     """
     found: list[np.ndarray] = []
-    size, looks = (0, 0), list(LOOKS)
+    size, looks = (0, 0), LOOKS
     for image in some_frames(film, _FRAMES):
         size = (image.shape[1], image.shape[0])
         seen = search(image, board, looks)
         if seen is not None:
             corners, look = seen
-            looks = [look, *LOOKS]
+            looks = (look, *LOOKS)
             # Frame by frame, a symmetric board may be found from its other end.
             turned = board.symmetric and found and _apart(corners[::-1], found[0]) < _apart(corners, found[0])
             found.append(corners[::-1] if turned else corners)

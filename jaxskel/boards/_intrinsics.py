@@ -11,6 +11,8 @@ from ._board import LOOKS, Board, search
 from ._films import some_frames
 
 _FRAMES = 30  # more of them hardly change a lens, and each costs a second where no board is seen
+# A board that is held before the camera is not foreshortened much.
+_LOOKS = LOOKS[:2]
 _LEAST = 6  # views of a plane: three determine a lens without distortion, twice as many make an error show
 
 
@@ -34,13 +36,13 @@ def board_intrinsics(film: str | Path, board: Board) -> Intrinsics:
     Raises:
         ValueError: The board is seen in too few frames.
     """
-    views, size, looks = [], (0, 0), list(LOOKS)
+    views, size, looks = [], (0, 0), _LOOKS
     for image in some_frames(film, _FRAMES):
         size = (image.shape[1], image.shape[0])
         seen = search(image, board, looks)
         if seen is not None:
             views.append(seen[0][:, None].astype(np.float32))
-            looks = [seen[1], *LOOKS]
+            looks = (seen[1], *_LOOKS)
     if len(views) < _LEAST:
         raise ValueError(
             f"{film}: a board of {board.columns} x {board.rows} inner corners is found in {len(views)} of {_FRAMES} "
