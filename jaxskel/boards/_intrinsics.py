@@ -13,6 +13,11 @@ from ._films import some_frames
 _FRAMES = 30  # more of them hardly change a lens, and each costs a second where no board is seen
 # A board that is held before the camera is not foreshortened much.
 _LOOKS = LOOKS[:2]
+_LENGTHS = (
+    0.6,
+    1.2,
+    2.4,
+)  # focal lengths, as parts of the image's longer side: fields of view of 80, 45 and 24 degrees
 _LEAST = 6  # views of a plane: three determine a lens without distortion, twice as many make an error show
 
 
@@ -49,5 +54,15 @@ def board_intrinsics(film: str | Path, board: Board) -> Intrinsics:
             f"frames; {_LEAST} are needed: hold it still, tilted, at several places of the image"
         )
     points = [board.points[:, None].astype(np.float32)] * len(views)
-    rms, K, dist, _, _ = cv2.calibrateCamera(points, views, size, np.eye(3), np.zeros(5))
-    return Intrinsics(K, dist.reshape(-1), size, float(rms))
+    # OpenCV's own start is poor where all tilts are alike; a descent from a wide, a usual or a long lens is not.
+    best = None
+    for length in _LENGTHS:
+        focal, (width, height) = length * max(size), size
+        start = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
+        rms, K, dist, _, _ = cv2.calibrateCamera(
+            points, views, size, start, np.zeros(5), flags=cv2.CALIB_USE_INTRINSIC_GUESS
+        )
+        if best is None or rms < best[0]:
+            best = float(rms), np.asarray(K, np.float64), np.asarray(dist, np.float64).reshape(-1)
+    assert best is not None
+    return Intrinsics(best[1], best[2], size, best[0])

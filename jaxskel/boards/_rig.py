@@ -14,9 +14,9 @@ from ._intrinsics import Intrinsics
 from ._pose import camera_pose
 from ._turns import settle_turns, turned
 
-# A board that fits worse than this is not flat, or was filmed through another lens than the intrinsics say: ten times
-# what its corners are off (px of an image of 1000 px, and in proportion).
-_WORST_FIT = 1.5
+# A board that fits worse than this is not flat, or was filmed through another lens than the intrinsics say: many
+# times what its corners are off (px of an image of 1000 px, and in proportion).
+_WORST_FIT = 1.0
 
 
 @dataclass(frozen=True)
