@@ -78,6 +78,7 @@ from ._problem import RefinementProblem as RefinementProblem
 from ._problem import refinement_problem as refinement_problem
 from ._projection import ProjectionTable as ProjectionTable
 from ._projection import projection_table as projection_table
+from ._recording import UP_AXES as UP_AXES
 from ._recording import Recording as Recording
 from ._recording import Truth as Truth
 from ._recording import pack_silhouettes as pack_silhouettes

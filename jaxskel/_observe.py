@@ -15,6 +15,7 @@ from ._credible import credible
 from ._descriptors import MAX_ENDS, describe_ends
 from ._field import hull_volumes
 from ._forest import forest_of
+from ._ghosts import explains_silhouettes
 from ._graph import SkeletalGraph, limit_ends, prune_all
 from ._hull import VisualHulls
 from ._limbs import Limbs, label_limbs
@@ -96,7 +97,10 @@ def see_people(
     with stopwatch("carve"):
         hulls = carve(silhouettes, prepared.table, lost, prepared.max_misses)
     with stopwatch("graph"):
-        people = find_people(hulls, prepared.edge, _CUT if prepared.max_misses else 0.0)
+        people = find_people(
+            hulls, prepared.edge, _CUT if prepared.max_misses else 0.0,
+            lambda f, body: explains_silhouettes(hulls, f, body, silhouettes[f], cameras, lost[f]),
+        )  # fmt: skip
         status[enough] = people.status[enough]
         cut = ~seen_whole(people.hulls, prepared.table, lost)
         status[(status == Status.OK) & cut] = Status.PARTLY_OUTSIDE

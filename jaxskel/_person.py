@@ -1,5 +1,7 @@
 """The person in a hull: one connected body, all of it inside the observed volume."""
 
+from collections.abc import Callable
+
 import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -35,13 +37,20 @@ def observed_edge(observed: Bool[np.ndarray, "x y z"]) -> Bool[np.ndarray, "x y 
     return observed & ~inner
 
 
-def find_people(hulls: VisualHulls, edge: Bool[np.ndarray, "x y z"], gap: float = 0.0) -> People:
+def find_people(
+    hulls: VisualHulls,
+    edge: Bool[np.ndarray, "x y z"],
+    gap: float = 0.0,
+    explains_all: Callable[[int, Bool[np.ndarray, " n"]], bool] = lambda frame, body: False,
+) -> People:
     """Keep the largest connected body of each hull.
 
     Args:
         hulls: As carved, z up.
         edge: From [`observed_edge`][], on the hulls' grid.
         gap: What is no farther than this from the largest body belongs to it (m): holes in masks cut people up.
+        explains_all: Whether the largest body of a frame, given by which voxels belong to it, is all that the
+            silhouettes show, although there is another one of a person's size; see `explains_silhouettes`.
     """
     bodies = find_bodies(hulls)
     status = np.full(len(hulls), int(Status.OK))
@@ -56,6 +65,11 @@ def find_people(hulls: VisualHulls, edge: Bool[np.ndarray, "x y z"], gap: float 
             parts = _joined(voxels, bodies.voxels_of(f), parts[0], gap / hulls.grid.spacing)
             sizes = np.append(bodies.sizes[parts].sum(), bodies.sizes[np.setdiff1d(own, parts)])
         status[f] = _judge(sizes * hulls.grid.spacing**3)
+        if status[f] == Status.SEVERAL_PEOPLE:
+            largest = np.zeros(len(hulls.voxels), bool)
+            largest[hulls.inside[f]] = np.isin(bodies.voxels_of(f), parts)
+            if explains_all(f, largest):
+                status[f] = Status.OK
         chosen[parts] = status[f] == Status.OK
     inside = voxels_of_bodies(hulls, bodies, chosen)
     at_edge = np.flatnonzero(edge[tuple(hulls.voxels.T)])

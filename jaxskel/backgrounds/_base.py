@@ -1,11 +1,12 @@
 """What a background model is asked."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, UInt8
 
 
+@runtime_checkable
 class Background(Protocol):
     """Tells a person from what is behind him."""
 

@@ -11,6 +11,8 @@ from ._calibrate_body import calibrate_body
 from ._check import check
 from ._demo import demo
 from ._evaluate import evaluate
+from ._export import export
+from ._init import init
 from ._run import run
 
 app = typer.Typer(
@@ -20,10 +22,12 @@ app = typer.Typer(
     help="3D human skeletons from calibrated multi-view silhouettes.",
 )
 app.command()(demo)
+app.command()(init)
 app.command()(run)
 app.command()(evaluate)
 app.command()(check)
 app.command()(calibrate_body)
+app.command()(export)
 
 
 def _show_version(wanted: bool) -> None:

@@ -87,6 +87,12 @@ def read_arrays(path: Path, required: tuple[str, ...], optional: tuple[str, ...]
         return arrays
 
 
+def shape_of(path: Path, key: str) -> tuple[int, ...]:
+    """The shape that an array claims, checked against the bytes that are there."""
+    with _opened(path) as archive:
+        return _header(path, key, archive, _members(path, archive, (key,), ())[key])[1]
+
+
 class StoredRows:
     """An array that stays in its archive, of which some rows at a time are read.
 

@@ -12,7 +12,7 @@ from .._poses import STATUS_NAMES, WITH_POSE, Poses
 from .._recording import Truth
 from .._skeleton import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES
 from ._archive import fault, numbers, read_arrays
-from .recordings import check_names, frame_numbers, frame_rate, truth, up_axis
+from .sequence_file import check_names, frame_numbers, frame_rate, truth, up_axis
 
 
 def write_poses(folder: str | Path, poses: Poses) -> tuple[Path, Path]:
@@ -35,7 +35,13 @@ def write_poses(folder: str | Path, poses: Poses) -> tuple[Path, Path]:
     }  # fmt: skip
     with written_whole(archive) as file:
         np.savez_compressed(file, **arrays)
-    with written_whole(table) as file, io.TextIOWrapper(file, "utf-8", newline="") as text:
+    return archive, write_table(table, poses)
+
+
+def write_table(path: str | Path, poses: Poses) -> Path:
+    """Write the `poses.csv` of [`write_poses`][] by itself, under any name; return its path."""
+    path = Path(path)
+    with written_whole(path) as file, io.TextIOWrapper(file, "utf-8", newline="") as text:
         rows = csv.writer(text, lineterminator="\n")
         rows.writerow(
             ["frame_index", "time_s", "status"]
@@ -49,7 +55,7 @@ def write_poses(folder: str | Path, poses: Poses) -> tuple[Path, Path]:
             else:
                 row += [""] * (4 * len(JOINT_NAMES))
             rows.writerow(row)
-    return archive, table
+    return path
 
 
 def read_poses(path: str | Path) -> Poses:

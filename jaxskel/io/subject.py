@@ -9,9 +9,7 @@ l_thigh = 0.43        # one side only
 A calibrated body adds a table of its own, see `flesh.py`.
 """
 
-import difflib
 import reprlib
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +27,7 @@ from .._skeleton import (
     make_skeleton,
 )
 from ._archive import fault
+from ._toml import check_known, read_toml
 from .flesh import body_of, flesh_lines
 
 # The point where each length ends: it begins at the point's parent. Two-sided ones lack their l_ or r_.
@@ -43,7 +42,6 @@ _PARENTS = JOINT_PARENTS + TIP_PARENTS
 _SHORTEST = 0.005  # m: below any length of a body
 _LONGEST = 1.5  # m: beyond any bone; the value is in centimetres or millimetres
 _STATURES = (0.4, 2.8)  # m
-_MAX_BYTES = 100_000
 
 
 def read_subject(path: str | Path) -> Skeleton:
@@ -117,21 +115,7 @@ def write_subject(path: str | Path, skeleton: Skeleton, body: Body | None = None
 
 
 def _parse(path: Path) -> dict[str, Any]:
-    """What the file says, its keys checked."""
-    try:
-        with open(path, "rb") as file:
-            content = file.read(_MAX_BYTES + 1)
-    except OSError as error:
-        raise fault(path, None, f"cannot be opened ({error.strerror}); check the path") from None
-    if len(content) > _MAX_BYTES:
-        raise fault(path, None, "is too long for a subject; give a TOML file with stature and lengths")
-    try:
-        table = tomllib.loads(content.decode())
-    except (ValueError, RecursionError) as error:
-        raise fault(path, None, f"is not TOML ({error}); write for example: stature = 1.75") from None
-    for key in table:
-        _check_known(path, key, ["stature", "lengths", "flesh"])
-    return table
+    return read_toml(path, ("stature", "lengths", "flesh"), "stature and lengths", "stature = 1.75")
 
 
 def _dimensions(path: Path, table: dict[str, Any]) -> tuple[float | None, dict[str, float]]:
@@ -144,7 +128,7 @@ def _dimensions(path: Path, table: dict[str, Any]) -> tuple[float | None, dict[s
         raise fault(path, "lengths", "give a table: a line [lengths], then lines such as thigh = 0.42")
     sided = {f"{side}{key}": f"{side}{point}" for side in ("l_", "r_") for key, point in _SIDED.items()}
     for key in given:
-        _check_known(path, key, [*_MIDDLE, *_SIDED, *sided])
+        check_known(path, key, [*_MIDDLE, *_SIDED, *sided])
     measured = {key: _length(path, key, value, _SHORTEST, _LONGEST) for key, value in given.items()}
     lengths = {point: measured[key] for key, point in _MIDDLE.items() if key in measured}
     for side in ("l_", "r_"):
@@ -167,12 +151,6 @@ def _length(path: Path, key: str, value: Any, least: float, most: float) -> floa
             f"is {reprlib.repr(value)}, more than {most}; in metres; divide cm by 100, mm by 1000",
         )
     return float(value)
-
-
-def _check_known(path: Path, key: str, known: list[str]) -> None:
-    if key not in known:
-        nearest = difflib.get_close_matches(key, known, n=1, cutoff=0.0)[0]
-        raise fault(path, key, f"is not known; did you mean {nearest}?")
 
 
 def _lengths(skeleton: Skeleton) -> dict[str, float]:

@@ -1,0 +1,78 @@
+"""`jaxskel export`: poses to files that other programs open."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .._poses import Poses
+from .._recording import UP_AXES
+from ..io import read_poses, write_bvh, write_c3d, write_table, write_trc
+from ..io.markers import with_up
+
+# What opens each kind of file, for the list of kinds in errors.
+_KINDS = {
+    ".trc": "OpenSim, Pose2Sim",
+    ".c3d": "motion capture laboratories",
+    ".bvh": "Blender and other animation programs",
+    ".csv": "spreadsheets",
+}
+
+
+def export(
+    poses: Annotated[Path, typer.Argument(help="poses.npz as written by `jaxskel run`.")],
+    outputs: Annotated[
+        list[Path],
+        typer.Argument(metavar="OUTPUT...", help="Files to write; the suffix decides: .trc, .c3d, .bvh or .csv."),
+    ],
+    up: Annotated[
+        str | None,
+        typer.Option(
+            help="World axis that shall point up. Default: +Y in .trc and .bvh, +Z in .c3d, that of the poses in .csv."
+        ),
+    ] = None,
+    millimetres: Annotated[
+        bool, typer.Option("--millimetres", help="Millimetres instead of metres in a .trc, which says which.")
+    ] = False,
+) -> None:
+    """Write poses as TRC, C3D, BVH or CSV, for other programs to open."""
+    for output in outputs:
+        if output.suffix.lower() not in _KINDS:
+            known = ", ".join(f"{suffix} ({opens})" for suffix, opens in _KINDS.items())
+            raise ValueError(f"{output}: unknown kind of file; give a name that ends in one of {known}")
+    if up is not None and up not in UP_AXES:
+        raise ValueError(f"--up {up}: give one of {', '.join(UP_AXES)}")
+    if millimetres and all(output.suffix.lower() != ".trc" for output in outputs):
+        raise ValueError("--millimetres: only a .trc may hold metres or millimetres; leave it out")
+    found = read_poses(poses)
+    for output in outputs:
+        print(f"{output}: {len(found)} frames at {found.fps:g} fps, {_write(output, found, up, millimetres)}")
+    if not found.has_pose.any():
+        print(f"jaxskel: {poses}: no frame has a pose", file=sys.stderr)
+        raise typer.Exit(1)
+
+
+def _write(output: Path, poses: Poses, up: str | None, millimetres: bool) -> str:
+    """Write one file; return its unit, its up axis, and what became of frames without a pose."""
+    gaps = int((~poses.has_pose).sum())
+    kind = output.suffix.lower()
+    if kind == ".trc":
+        up = up or "+Y"
+        write_trc(output, poses, up=up, millimetres=millimetres)
+        return f"{'mm' if millimetres else 'm'}, {up} up; {gaps} without a pose: empty cells"
+    if kind == ".c3d":
+        up = up or "+Z"
+        try:
+            write_c3d(output, poses, up=up)
+        except ImportError as error:
+            raise ValueError(f"{output}: {error}") from None
+        return f"mm, {up} up; {gaps} without a pose: residual -1"
+    if kind == ".bvh":
+        up = up or "+Y"
+        made = write_bvh(output, poses, up=up)
+        away = f"joints within {1000 * made.deviation:.2f} mm of the poses (farthest: {made.farthest})"
+        return f"cm, {up} up; {made.held} without a pose: another held; {away}"
+    up = up or poses.up
+    write_table(output, with_up(poses, up))
+    return f"m, {up} up; {gaps} without a pose: empty cells"

@@ -1,0 +1,36 @@
+"""`jaxskel init`: write down what a folder holds."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .._files import written_whole
+from ..io.folders import RECORDING_FILE
+from ..io.proposals import propose_recording
+
+
+def init(
+    folder: Annotated[Path, typer.Argument(help="Folder with a calibration and a view for each camera.")],
+    views: Annotated[
+        str | None,
+        typer.Option(help="Which files or folders are the views, such as 'masks/*', where there are several."),
+    ] = None,
+    calibration: Annotated[str | None, typer.Option(help="The calibration's file, where there are several.")] = None,
+    fps: Annotated[float | None, typer.Option(help="Frames per second, where no video says it.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Write over a recording.toml that is there.")] = False,
+) -> None:
+    """Write a commented recording.toml for what the folder holds; `run`, `check` and others then take the folder."""
+    path = folder / RECORDING_FILE
+    if not folder.is_dir():
+        raise ValueError(f"{folder}: give a folder with a calibration and a view for each camera")
+    if path.exists() and not force:
+        raise ValueError(f"{path}: is there already; edit it, or write it anew by --force")
+    if fps is not None and not 0 < fps < 1e6:
+        raise ValueError(f"--fps {fps:g}: give a positive number of frames per second")
+    proposal = propose_recording(folder, views, calibration, fps)
+    with written_whole(path) as file:
+        file.write(proposal.text.encode())
+    for doubt in proposal.doubts:
+        print(f"check: {doubt}")
+    print(f"{path}: {proposal.text.count('[views.')} views; next: jaxskel check {folder}")

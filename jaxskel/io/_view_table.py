@@ -1,0 +1,119 @@
+"""A view's table in a `recording.toml`: which images, and what is the person in them."""
+
+import reprlib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+
+from ..backgrounds import Background, Cleaning, backdrop_of, backdrop_of_colour, plate_of
+from ._archive import fault
+from ._toml import check_known
+from .views import CutOut, Frames, ImageFolder, MaskArchive, Masks, Matte, Video, View, in_colour, is_image
+
+KEYS = ("masks", "images", "plate", "median", "backdrop", "camera", "calibrated_size", "offset", "fps")
+_BACKGROUNDS = ("plate", "median", "backdrop")
+# Of a recording's own images, so many make its background: a median of more is no better.
+_SAMPLES = 50
+
+
+def read_view(path: Path, name: str, table: Mapping[str, Any], fps: float, cleaning: Cleaning, shadows: bool) -> View:
+    """Make a view from its table.
+
+    Args:
+        path: The file, for messages; other files are named relative to its folder.
+        name: The view's name.
+        table: What the file says of it.
+        fps: The recording's frames per second.
+        cleaning: What is done to silhouettes that are cut out here.
+        shadows: Whether shadows on a plate are background.
+
+    Raises:
+        ValueError: One line that names the file, the key and how to mend it.
+    """
+    where = f"views.{name}."
+    for key in table:
+        check_known(path, key, KEYS, where)
+    if ("masks" in table) == ("images" in table):
+        raise fault(path, where[:-1], 'give either masks = "..." or, in colour, images = "..." with a background')
+    given = [key for key in _BACKGROUNDS if key in table]
+    if "masks" in table:
+        if given:
+            raise fault(path, f"{where}{given[0]}", "belongs to images; masks need no background")
+        frames = open_frames(path, f"{where}masks", table["masks"])
+        matte: Matte = Masks(ones=isinstance(frames, ImageFolder) and frames.lossless)
+    else:
+        frames = open_frames(path, f"{where}images", table["images"])
+        if len(given) != 1:
+            told = "comes without a background" if not given else f"comes with {' and '.join(given)}"
+            raise fault(path, f"{where}images", f'{told}; give plate = "empty.avi", median = true or backdrop = true')
+        try:
+            background = _background(path, f"{where}{given[0]}", given[0], table[given[0]], frames, shadows)
+        except ValueError as error:
+            told = str(error)
+            raise error if told.startswith(str(path.parent)) else fault(path, f"{where}{given[0]}", told) from None
+        matte = CutOut(background, cleaning)
+    offset = table.get("offset", 0)
+    if type(offset) is not int or abs(offset) > 10**9:
+        raise fault(path, f"{where}offset", f"is {reprlib.repr(offset)}; give a whole number of images")
+    rate = number(path, f"{where}fps", table["fps"], "images per second") if "fps" in table else fps
+    return View(name, frames, matte, offset, rate / fps)
+
+
+def open_frames(path: Path, key: str, value: Any) -> Frames:
+    """The images that a value names: a folder, a video, or ``archive.npz:key``."""
+    archive, colon, member = text(path, key, value).rpartition(":")
+    if colon and archive.endswith(".npz"):
+        return MaskArchive(path.parent / archive, member)
+    place = path.parent / value
+    return ImageFolder(place) if place.is_dir() else Video(place)
+
+
+def text(path: Path, key: str, value: Any) -> str:
+    """Check a text."""
+    if not isinstance(value, str) or not value:
+        raise fault(path, key, "is missing; name a file" if value is None else f"is {reprlib.repr(value)}; give text")
+    return value
+
+
+def number(path: Path, key: str, value: Any, what: str) -> float:
+    """Check a positive number."""
+    if type(value) not in (int, float) or not 0 < value < 1e6:
+        told = "is missing" if value is None else f"is {reprlib.repr(value)}"
+        raise fault(path, key, f"{told}; give a positive number of {what}")
+    return float(value)
+
+
+def _background(path: Path, where: str, key: str, value: Any, frames: Frames, shadows: bool) -> Background:
+    if key == "plate":
+        place = path.parent / text(path, where, value)
+        return plate_of([_still(place)] if is_image(place) else _some(open_frames(path, where, value)), shadows)
+    if value is True:
+        return plate_of(_some(frames), shadows) if key == "median" else backdrop_of(_some(frames))
+    if key == "backdrop" and isinstance(value, list) and len(value) == 3:
+        if all(type(level) is int and 0 <= level <= 255 for level in value):
+            red, green, blue = value
+            return backdrop_of_colour(blue, green, red)
+    wanted = (
+        "true" if key == "median" else "true, or its colour as it looks in the light, [red, green, blue] of 0 to 255"
+    )
+    raise fault(path, where, f"is {reprlib.repr(value)}; give {wanted}")
+
+
+def _some(frames: Frames) -> Iterator[UInt8[np.ndarray, "h w 3"]]:
+    """Images spread over all."""
+    first, last = frames.span
+    for chosen in np.unique(np.linspace(first, last, min(_SAMPLES, last - first + 1)).astype(int)).tolist():
+        image = frames.read(chosen)
+        if image is not None:
+            yield in_colour(image)
+
+
+def _still(place: Path) -> UInt8[np.ndarray, "h w 3"]:
+    image = cv2.imread(str(place), cv2.IMREAD_COLOR)
+    if image is None:
+        raise fault(place, None, "is no image that can be read; check the path, or write it again")
+    return np.asarray(image)

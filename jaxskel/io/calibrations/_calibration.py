@@ -1,0 +1,184 @@
+"""The validated type that every calibration file is read into, and the one place where it is validated."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ..._camera import Cameras, make_cameras
+from .._archive import fault
+
+# A camera of a motion-capture room stands within this many metres of its origin; farther means millimetres.
+_FARTHEST_CAMERA = 100.0
+# Cameras that see one person from several sides stand farther from each other than this (m); millimetres that
+# were divided by 1000 once too often do not.
+_NARROWEST_RIG = 0.1
+_N_DIST = 8
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A calibrated rig out of a file, in metres and in OpenCV's convention."""
+
+    cameras: Cameras
+    """The rig, checked."""
+    up: str | None
+    """World axis that points up, such as "+Z", as the format states it or by its fixed habit; None where it does
+    not say."""
+    format: str
+    """What the file was taken for, such as "Qualisys", for messages."""
+
+
+@dataclass(frozen=True)
+class CameraEntry:
+    """One camera as its file has it, in OpenCV's convention but in the file's unit of length."""
+
+    name: str
+    K: np.ndarray
+    R: np.ndarray
+    t: np.ndarray
+    dist: np.ndarray
+    size: tuple[float, float] | None
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What a reader found in a file."""
+
+    format: str
+    entries: list[CameraEntry]
+    unit: float | None
+    """Metres per unit of the file, None where the format has no scale."""
+    up: str | None
+
+
+def camera_fault(path: Path, camera: str, message: str) -> ValueError:
+    """The one line for a fault of one camera of a file."""
+    return fault(path, None, f"camera {camera}: {message}")
+
+
+def validated(
+    path: Path, contents: Contents, unit: float | None, sizes: Mapping[str, tuple[int, int]] | None
+) -> Calibration:
+    """Check what a reader found, and bring it to metres."""
+    entries = contents.entries
+    if not entries:
+        raise fault(path, None, f"holds no camera, read as {contents.format}; export the calibration again")
+    names = [entry.name for entry in entries]
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            raise camera_fault(path, name, "is there twice; give every camera a name of its own")
+    dist = np.zeros((len(entries), _N_DIST))
+    for row, entry in zip(dist, entries, strict=True):
+        lens = _lens(path, entry)
+        row[: len(lens)] = lens
+    scale = _scale(path, contents, unit)
+    size = _sizes(path, contents, sizes or {})
+    try:
+        cameras = make_cameras(
+            K=np.stack([entry.K for entry in entries]),
+            R=np.stack([entry.R for entry in entries]),
+            t=np.stack([entry.t for entry in entries]) * scale,
+            size=size,
+            dist=dist,
+            names=names,
+        )
+    except ValueError as error:
+        raise fault(path, None, str(error)) from None
+    _check_spread(path, cameras)
+    return Calibration(cameras, contents.up, contents.format)
+
+
+def choose_views(calibration: Calibration, views: Sequence[str]) -> Calibration:
+    """The cameras of the given views, in their order; cameras without a view are left out.
+
+    Args:
+        calibration: The rig.
+        views: Names of the views, each that of its camera.
+
+    Raises:
+        ValueError: One line that names the views without a camera, and the cameras there are.
+    """
+    names = calibration.cameras.names
+    lost = [view for view in views if view not in names]
+    if lost or len(set(views)) != len(views):
+        raise ValueError(
+            f"views {', '.join(lost or views)}: name each view once, after its camera; the calibration "
+            f"({calibration.format}) has {', '.join(names)}"
+        )
+    return replace(calibration, cameras=calibration.cameras[[names.index(view) for view in views]])
+
+
+def _lens(path: Path, entry: CameraEntry) -> np.ndarray:
+    """At most eight coefficients; OpenCV's longer models are read where what is beyond is zero."""
+    if len(entry.dist) not in (0, 4, 5, 8, 12, 14) or entry.dist[_N_DIST:].any():
+        raise camera_fault(
+            path,
+            entry.name,
+            f"{len(entry.dist)} distortion coefficients; give OpenCV's (k1, k2, p1, p2[, k3[, k4, k5, k6]]); "
+            "fisheye, thin-prism and tilt models are not read, so undistort the images first",
+        )
+    return entry.dist[:_N_DIST]
+
+
+def _scale(path: Path, contents: Contents, unit: float | None) -> float:
+    if unit is None:
+        unit = contents.unit
+    if unit is None:
+        raise fault(
+            path,
+            None,
+            f"{contents.format} has no scale; measure a length in the scene and give unit, the metres per unit of "
+            "the file",
+        )
+    # Nanometres to kilometres; beyond, squares of lengths overflow.
+    if not 1e-9 <= unit <= 1e3:
+        raise ValueError(f"unit is {unit}; give metres per unit of the file, 0.001 where it is in millimetres")
+    for entry in contents.entries:
+        away = float(np.linalg.norm(entry.t)) * unit
+        if away > _FARTHEST_CAMERA:
+            raise camera_fault(
+                path,
+                entry.name,
+                f"stands {away:.0f} m away from the origin; give unit, the metres per unit of the file: 0.001 "
+                "where it is in millimetres",
+            )
+    return float(unit)
+
+
+def _sizes(path: Path, contents: Contents, given: Mapping[str, tuple[int, int]]) -> list[tuple[float, float]]:
+    names = [entry.name for entry in contents.entries]
+    for name in given:
+        if name not in names:
+            raise camera_fault(path, name, f"sizes names it, but the file has {', '.join(names)}; match the names")
+    found = []
+    for entry in contents.entries:
+        stated, view = entry.size, given.get(entry.name)
+        size = view if stated is None else stated
+        if size is None:
+            raise camera_fault(
+                path,
+                entry.name,
+                f"{contents.format} gives no image size here; give sizes={{{entry.name!r}: (width, height)}}",
+            )
+        if stated is not None and view is not None and tuple(stated) != tuple(view):
+            raise camera_fault(
+                path,
+                entry.name,
+                f"was calibrated at {stated[0]:g} x {stated[1]:g}, but its images are {view[0]} x {view[1]}; "
+                "calibrate at the size that is recorded, or resize the images",
+            )
+        found.append((float(size[0]), float(size[1])))
+    return found
+
+
+def _check_spread(path: Path, cameras: Cameras) -> None:
+    spread = np.ptp(cameras.centres, axis=0).max()
+    if len(cameras) > 1 and spread < _NARROWEST_RIG:
+        raise fault(
+            path,
+            None,
+            f"camera {cameras.names[0]} and all others stand within {spread:.2g} m of each other; give unit, the "
+            "metres per unit of the file: 1 where it is in metres",
+        )

@@ -1,0 +1,105 @@
+"""COLMAP's sparse model as text: `cameras.txt` and `images.txt`."""
+
+from pathlib import Path, PurePosixPath
+from typing import NamedTuple
+
+import numpy as np
+
+from .._archive import fault
+from ._calibration import CameraEntry, Contents, camera_fault
+from ._text import from_quaternion, read_text, split_numbers, to_number
+
+PAIR = ("cameras.txt", "images.txt")
+# Where each model's parameters go: focal lengths, principal point, then OpenCV's k1, k2, p1, p2, k3, ...
+_FOCAL_LENGTHS = {"SIMPLE_PINHOLE": 1, "PINHOLE": 2, "SIMPLE_RADIAL": 1, "RADIAL": 1, "OPENCV": 2, "FULL_OPENCV": 2}
+_DISTORTIONS = {"SIMPLE_PINHOLE": 0, "PINHOLE": 0, "SIMPLE_RADIAL": 1, "RADIAL": 2, "OPENCV": 4, "FULL_OPENCV": 8}
+# COLMAP counts from the corner of the first pixel, OpenCV from its centre.
+_HALF_PIXEL = 0.5
+
+
+class _Lens(NamedTuple):
+    K: np.ndarray
+    dist: np.ndarray
+    size: tuple[float, float]
+
+
+def read_colmap(folder: Path) -> Contents:
+    """Read the two files of a folder: one camera an image, whose lens it may share with other images.
+
+    A camera has the name of its image without the suffix, or that of the image's folder where every folder holds one
+    image. COLMAP has no scale and no upright.
+    """
+    lenses = _lenses(folder / PAIR[0])
+    path = folder / PAIR[1]
+    poses = _poses(path)
+    names = _names(path, [pose[9] for pose in poses])
+    entries = []
+    for name, pose in zip(names, poses, strict=True):
+        if pose[8] not in lenses:
+            raise camera_fault(path, name, f"its CAMERA_ID {pose[8]} is not in {PAIR[0]}; export the model again")
+        w, x, y, z, *t = split_numbers(path, name, "its pose", " ".join(pose[1:8]), 7)
+        R = from_quaternion(path, name, "QW QX QY QZ", np.array([x, y, z, w]))
+        lens = lenses[pose[8]]
+        entries.append(CameraEntry(name, lens.K, R, np.array(t), lens.dist, lens.size))
+    return Contents("COLMAP", entries, None, None)
+
+
+def _lenses(path: Path) -> dict[str, _Lens]:
+    found = {}
+    for line in read_text(path).splitlines():
+        words = line.split()
+        if not words or words[0].startswith("#"):
+            continue
+        if len(words) < 4:
+            raise fault(path, None, f"is cut off: {line[:60]!r}; export the model again")
+        found[words[0]] = _lens(path, f"of CAMERA_ID {words[0]}", words[1], " ".join(words[2:]))
+    return found
+
+
+def _lens(path: Path, camera: str, model: str, rest: str) -> _Lens:
+    if model not in _FOCAL_LENGTHS:
+        raise camera_fault(
+            path,
+            camera,
+            f"has the model {model[:40]}, which is not read; use {', '.join(_FOCAL_LENGTHS)}, or undistort the images "
+            "(colmap image_undistorter)",
+        )
+    n = _FOCAL_LENGTHS[model]
+    given = split_numbers(path, camera, model, rest, 2 + n + 2 + _DISTORTIONS[model])
+    (width, height), focal, (u, v) = given[:2].tolist(), given[2 : 2 + n], given[2 + n : 4 + n] - _HALF_PIXEL
+    K = np.array([[focal[0], 0.0, u], [0.0, focal[-1], v], [0.0, 0.0, 1.0]])
+    dist = np.zeros(8)
+    dist[: _DISTORTIONS[model]] = given[4 + n :]
+    return _Lens(K, dist, (width, height))
+
+
+def _poses(path: Path) -> list[list[str]]:
+    """The words of the line of each image. A line with its points follows, which may be empty or left out."""
+    found = []
+    for line in read_text(path).splitlines():
+        words = line.split(maxsplit=9)
+        if not words or words[0].startswith("#"):
+            continue
+        is_pose = len(words) == 10
+        if is_pose and all(isinstance(to_number(word), float) for word in line.split()):
+            # Points come in threes, and a name of digits makes ten words.
+            is_pose = len(line.split()) % 3 != 0
+        if is_pose:
+            found.append(words)
+        elif len(line.split()) % 3:
+            raise fault(path, None, f"is cut off: {line[:60]!r}; export the model again")
+    return found
+
+
+def _names(path: Path, files: list[str]) -> list[str]:
+    paths = [PurePosixPath(file.strip().replace("\\", "/")) for file in files]
+    stems, folders = [p.stem for p in paths], [p.parent.name for p in paths]
+    for names in (stems, folders):
+        if len(set(names)) == len(names) and all(names):
+            return names
+    raise fault(
+        path,
+        None,
+        "holds several images of one camera; export a model with one image a camera, named after it (cam1.png or "
+        "cam1/0001.png)",
+    )

@@ -1,0 +1,116 @@
+"""The YAML that OpenCV's FileStorage writes, and nothing more of YAML.
+
+OpenCV's own reader ends the process on hostile text, and YAML's general readers do not take its matrices.
+"""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from .._archive import fault
+from ._text import read_text, to_number
+
+_TAG = re.compile(r"^!!\S+\s*")
+# A calibration holds few numbers a camera; this is that of its board's corners in a thousand images.
+_MOST_NUMBERS = 1_000_000
+
+
+@dataclass(frozen=True)
+class Matrix:
+    """Numbers in rows."""
+
+    rows: int
+    columns: int
+    data: list[float | str]
+
+
+Value = Matrix | list[float | str] | float | str
+
+
+def read_opencv_yaml(path: Path) -> dict[str, Value]:
+    """What the file holds by name: matrices, lists and single values."""
+    found = {}
+    for key, lines in _blocks(path).items():
+        found[key] = _value(path, key, lines)
+    return found
+
+
+def yaml_matrix(key: str, matrix: np.ndarray) -> list[str]:
+    """The lines of a matrix as OpenCV writes them, every number so that it is read back the same."""
+    rows, columns = matrix.shape
+    data = ", ".join(repr(float(x)) for x in matrix.reshape(-1))
+    return [
+        f"{key}: !!opencv-matrix",
+        f"   rows: {rows}",
+        f"   cols: {columns}",
+        "   dt: d",
+        f"   data: [ {data} ]",
+    ]
+
+
+def _blocks(path: Path) -> dict[str, list[str]]:
+    """The lines of each name of the file: what follows it in its line, then the lines that are set in."""
+    blocks: dict[str, list[str]] = {}
+    lines: list[str] | None = None
+    for line in read_text(path).splitlines():
+        if not line.strip() or line.lstrip().startswith("#") or line.startswith(("%", "---", "...")):
+            continue
+        # The items of a list may stand below their name without being set in.
+        if line[0] in " \t-" or line.strip() in ("]", "}"):
+            if lines is None:
+                raise fault(path, None, "begins with a line that is set in; give YAML as OpenCV writes it")
+            lines.append(line.strip())
+            continue
+        key, colon, rest = line.partition(":")
+        key = key.strip().strip("\"'")
+        if not key or not colon or rest[:1].strip():
+            raise fault(path, None, f"is not YAML as OpenCV writes it: {line[:60]!r}; export it again")
+        if key in blocks:
+            raise fault(path, key[:60], "is there twice; keep one")
+        lines = blocks[key] = [rest.strip()]
+    return blocks
+
+
+def _value(path: Path, key: str, lines: list[str]) -> Value:
+    lines = [line for line in (_TAG.sub("", lines[0]), *lines[1:]) if line]
+    if any(line.startswith("rows:") for line in lines):
+        return _matrix(path, key, lines)
+    if lines and lines[0].startswith("["):
+        return _items(path, key, " ".join(lines))
+    if lines and lines[0].startswith("- "):
+        # Names of cameras, which may be digits without quotes: nothing is taken for a number.
+        return [line.removeprefix("-").strip().strip("\"'") for line in lines]
+    return _scalar(" ".join(lines))
+
+
+def _matrix(path: Path, key: str, lines: list[str]) -> Matrix:
+    text = " ".join(lines)
+    counts = [re.search(rf"\b{word}:\s*(\d{{1,7}})\b", text) for word in ("rows", "cols")]
+    start = text.find("data:")
+    if None in counts or start < 0:
+        raise fault(path, key, "is no matrix of rows, cols and data; export it again")
+    rows, columns = (int(count.group(1)) for count in counts if count is not None)
+    data = _items(path, key, text[start + len("data:") :].strip())
+    if rows * columns != len(data):
+        raise fault(path, key, f"claims {rows} x {columns} numbers but holds {len(data)}; export it again")
+    return Matrix(rows, columns, data)
+
+
+def _items(path: Path, key: str, text: str) -> list[float | str]:
+    # Lists of lists, which OpenCV does not write, are taken as one list; their lengths are checked by the caller.
+    if not text.endswith("]"):
+        raise fault(path, key, "is cut off: a list without its end; export it again")
+    words = [word for word in re.split(r"[,\s\[\]]+", text) if word]
+    if len(words) > _MOST_NUMBERS:
+        raise fault(path, key, f"holds {len(words)} numbers, too many for a calibration")
+    return [_scalar(word) for word in words]
+
+
+def _scalar(text: str) -> float | str:
+    """A number, or text without its quotes; quoted digits stay text: they name a camera."""
+    if len(text) > 1 and text[0] == text[-1] and text[0] in "\"'":
+        return text[1:-1]
+    lower = text.lower()
+    return to_number(text) if lower not in (".nan", ".inf", "-.inf") else float(lower.replace(".", ""))

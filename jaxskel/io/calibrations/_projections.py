@@ -1,0 +1,68 @@
+"""Plain projection matrices, 3 x 4 each: `.npy`, `.npz`, or rows of numbers in a `.txt` file."""
+
+from pathlib import Path
+
+import numpy as np
+import scipy.linalg
+
+from .._archive import fault
+from ._archives import read_array, small_arrays
+from ._calibration import CameraEntry, Contents, camera_fault
+from ._text import natural_order, read_text, split_numbers
+
+# A matrix whose left block squeezes space more than this is no camera: focal lengths are 10 to 1e5 px.
+_MOST_SQUEEZED = 1e8
+# Numbers below this are no matrix that a program wrote; dividing by them would overflow.
+_FAINTEST = 1e-9
+
+
+def read_projection_text(path: Path) -> Contents:
+    """Three rows of four numbers a camera; a first line ``CONTOUR``, as multi-view stereo has it, is skipped."""
+    words = read_text(path).split()
+    found = split_numbers(path, "of all rows", "the file", " ".join(words[words[:1] == ["CONTOUR"] :]))
+    if len(found) == 0 or len(found) % 12:
+        raise fault(path, None, f"holds {len(found)} numbers; give three rows of four for each camera")
+    return _contents(path, {f"cam{i}": P for i, P in enumerate(found.reshape(-1, 3, 4))})
+
+
+def read_projection_array(path: Path) -> Contents:
+    """An array of shape (cams, 3, 4), or (3, 4), in an `.npy` file."""
+    return _contents(path, _stack(path, read_array(path)))
+
+
+def read_projection_archive(path: Path) -> Contents:
+    """An `.npz` archive: one array of shape (cams, 3, 4), or an array of shape (3, 4) for each camera by its name."""
+    arrays = small_arrays(path)
+    if len(arrays) == 1 and next(iter(arrays.values())).ndim == 3:
+        return _contents(path, _stack(path, next(iter(arrays.values()))))
+    for name, array in arrays.items():
+        if array.shape != (3, 4):
+            raise fault(path, name, f"has shape {array.shape}; give a projection matrix, (3, 4), for each camera")
+    return _contents(path, {name: arrays[name] for name in sorted(arrays, key=natural_order)})
+
+
+def _stack(path: Path, array: np.ndarray) -> dict[str, np.ndarray]:
+    if array.ndim not in (2, 3) or array.shape[-2:] != (3, 4):
+        raise fault(path, None, f"has shape {array.shape}; give projection matrices, (cams, 3, 4)")
+    return {f"cam{i}": P for i, P in enumerate(array.reshape(-1, 3, 4))}
+
+
+def _contents(path: Path, matrices: dict[str, np.ndarray]) -> Contents:
+    """No unit is stated: metres are taken."""
+    return Contents("projection matrices", [_entry(path, name, P) for name, P in matrices.items()], 1.0, None)
+
+
+def _entry(path: Path, name: str, P: np.ndarray) -> CameraEntry:
+    """Intrinsics and pose: P is K (R | t) times any number but zero."""
+    left = P[:, :3]
+    strengths = np.linalg.svd(left, compute_uv=False)
+    if not strengths[-1] * _MOST_SQUEEZED > strengths[0] > _FAINTEST:
+        raise camera_fault(path, name, "its matrix is no camera: the left 3 x 3 block is singular; give K (R | t)")
+    P = P / strengths[0]
+    P = P * np.sign(np.linalg.det(P[:, :3]))
+    K, R = scipy.linalg.rq(P[:, :3])
+    # Signs are free in pairs: focal lengths are positive.
+    signs = np.sign(np.diag(K))
+    K, R = K * signs, signs[:, None] * R
+    t = scipy.linalg.solve_triangular(K, P[:, 3])
+    return CameraEntry(name, K / K[2, 2], R, t, np.zeros(0), None)

@@ -1,0 +1,52 @@
+"""The calibration's part of a sequence file, an `.npz` archive: the project's own format."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..._camera import Cameras
+from ..._files import written_whole
+from .._archive import fault, numbers, texts
+from ..sequence_file import up_axis
+from ._archives import checked_arrays
+from ._calibration import CameraEntry, Contents
+
+
+def read_sequence_calibration(path: Path) -> Contents:
+    """Read ``K``, ``R``, ``t`` (m), and if they are there ``size``, ``dist``, ``camera_names`` and ``up``."""
+    arrays = checked_arrays(path, ("K", "R", "t"), ("size", "dist", "camera_names", "up"))
+    K = numbers(path, arrays, "K", (None, 3, 3))
+    n = len(K)
+    R = numbers(path, arrays, "R", (n, 3, 3))
+    t = numbers(path, arrays, "t", None)
+    if t.shape not in ((n, 3), (n, 3, 1)):
+        raise fault(path, "t", f"has shape {t.shape}; give ({n}, 3)")
+    dist = numbers(path, arrays, "dist", (n, None)) if "dist" in arrays else np.zeros((n, 0))
+    names = texts(path, arrays, "camera_names") if "camera_names" in arrays else [f"cam{i}" for i in range(n)]
+    if len(names) != n:
+        raise fault(path, "camera_names", f"holds {len(names)} names; give {n}, one for each camera of K")
+    sizes: list[tuple[float, float] | None] = [None] * n
+    if "size" in arrays:
+        size = numbers(path, arrays, "size", None)
+        if size.shape not in ((2,), (n, 2)):
+            raise fault(path, "size", f"has shape {size.shape}; give (width, height) or one pair for each camera")
+        sizes = [(float(width), float(height)) for width, height in np.broadcast_to(size, (n, 2))]
+    entries = [CameraEntry(*each) for each in zip(names, K, R, t.reshape(n, 3), dist, sizes, strict=True)]
+    return Contents("sequence file", entries, 1.0, up_axis(path, arrays) if "up" in arrays else None)
+
+
+def write_calibration(path: str | Path, cameras: Cameras, up: str | None = None) -> None:
+    """Write a calibration under the keys that a sequence file has for it.
+
+    Args:
+        path: File to write, `.npz`.
+        cameras: The rig.
+        up: World axis that points up, such as "+Z", if it is known.
+    """
+    arrays: dict[str, Any] = {key: np.asarray(getattr(cameras, key)) for key in ("K", "R", "t", "size", "dist")}
+    arrays["camera_names"] = np.array(cameras.names)
+    if up is not None:
+        arrays["up"] = np.array(up)
+    with written_whole(Path(path)) as file:
+        np.savez_compressed(file, **arrays)

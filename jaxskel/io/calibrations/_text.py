@@ -1,0 +1,99 @@
+"""Text out of a file that may come from anywhere, and numbers out of that text."""
+
+import re
+import reprlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from .._archive import fault
+from ._calibration import camera_fault
+
+# The largest calibrations (hundreds of cameras, or COLMAP's with its image points) are a tenth of this.
+_MAX_BYTES = 16 << 20
+# No length, focal length (px) or lens coefficient comes near this; refusing it keeps later squares finite.
+_MAX_NUMBER = 1e9
+
+
+def read_text(path: Path, most: int = _MAX_BYTES) -> str:
+    """The text of a file of bearable size."""
+    try:
+        with open(path, "rb") as file:
+            content = file.read(most + 1)
+    except OSError as error:
+        raise fault(path, None, f"cannot be opened ({error.strerror}); check the path") from None
+    except ValueError:  # a path with a zero in it
+        raise fault(path, None, "is not a path; check it") from None
+    if len(content) > most:
+        raise fault(path, None, f"is longer than {most >> 20} MB, too long for a calibration; check the path")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise fault(path, None, "is not text (UTF-8), so it is no calibration; check the path") from None
+
+
+def numbers(path: Path, camera: str, key: str, value: Any, *counts: int) -> np.ndarray:
+    """The numbers of a list, nested or not, of one of the given lengths (any length if none is given)."""
+    found, rest = [], [value]
+    while rest:
+        item = rest.pop()
+        if isinstance(item, list | tuple | np.ndarray):
+            rest += list(item)
+        elif isinstance(item, bool) or not isinstance(item, int | float) or not abs(item) < _MAX_NUMBER:
+            raise camera_fault(path, camera, f"{key} holds {_short(item)}; give finite numbers")
+        else:
+            found.append(float(item))
+    if counts and len(found) not in counts:
+        wanted = " or ".join(str(count) for count in counts)
+        raise camera_fault(path, camera, f"{key} holds {len(found)} numbers; give {wanted}")
+    return np.array(found[::-1], np.float64)
+
+
+def _short(item: Any) -> str:
+    # Python refuses to write out numbers of thousands of digits.
+    return f"a number of {item.bit_length()} bits" if isinstance(item, int) else reprlib.repr(item)
+
+
+def split_numbers(path: Path, camera: str, key: str, text: str, *counts: int) -> np.ndarray:
+    """The numbers of a text, with blanks between them."""
+    words = text.split()
+    return numbers(path, camera, key, [to_number(word) for word in words], *counts)
+
+
+def to_number(word: str) -> float | str:
+    """A number, or the word itself where it is none."""
+    try:
+        return float(word)
+    except ValueError:
+        return word
+
+
+def rotation(path: Path, camera: str, key: str, value: Any) -> np.ndarray:
+    """A rotation matrix from 3 x 3 numbers, or from a rotation vector (axis times angle in rad)."""
+    found = numbers(path, camera, key, value, 3, 9)
+    return found.reshape(3, 3) if len(found) == 9 else from_vector(path, camera, key, found)
+
+
+def from_vector(path: Path, camera: str, key: str, vector: np.ndarray) -> np.ndarray:
+    """The matrix of a rotation vector."""
+    # Half a turn is enough for any rotation and bundle adjustment may drift a little beyond; degrees go far beyond.
+    if np.linalg.norm(vector) > 2 * np.pi:
+        raise camera_fault(path, camera, f"{key} is not a rotation vector in radians: {vector.tolist()}")
+    return Rotation.from_rotvec(vector).as_matrix()
+
+
+def from_quaternion(path: Path, camera: str, key: str, xyzw: np.ndarray) -> np.ndarray:
+    """The matrix of a unit quaternion (x, y, z, w)."""
+    length = np.linalg.norm(xyzw)
+    if abs(length - 1) > 1e-3:
+        raise camera_fault(path, camera, f"{key} is not a rotation: the quaternion has length {length:.4g}, not 1")
+    return Rotation.from_quat(xyzw).as_matrix()
+
+
+def natural_order(name: str) -> list[tuple[int, int, str]]:
+    """Sort key by which cam_2 comes before cam_10."""
+    # Digits beyond the nineteenth do not name cameras, and Python refuses to read thousands of them.
+    return [(0, int(part), part) if part.isdecimal() and len(part) < 20 else (1, 0, part) for part in
+            re.split(r"(\d+)", name) if part]  # fmt: skip

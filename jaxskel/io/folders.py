@@ -1,0 +1,176 @@
+"""Recordings that are folders: a calibration, a view for each camera, and a file that says what goes with what.
+
+fps = 60.0
+calibration = "Calib_qualisys.toml"
+up = "+Z"                        # if the calibration does not say it
+unit = 0.001                     # metres per unit of the calibration, if it is not the usual one
+frames = [0, 99]                 # first and last frame, if the views do not agree on them
+subject = "subject.toml"
+
+[views.cam01]
+camera = "cam_01"                # its name in the calibration, if it is another one
+calibrated_size = [1088, 1920]   # size of its images (px) there, if it is another one
+masks = "masks/cam01"            # folder of images, video, or an archive of arrays, "masks.npz:cam01"
+# images = "cam01.mp4"           # or, in colour, folder of images or video, with one of these backgrounds:
+# plate = "empty01.mp4"          #   the empty scene: image, folder or video
+# median = true                  #   what the images show most of the time
+# backdrop = true                #   cloth of one colour, or that colour, [red, green, blue]
+offset = 3                       # image that belongs to the recording's frame 0, if it is not image 0
+fps = 30.0                       # images per second, if they are not those of the recording
+
+[cleaning]                       # of silhouettes in colour images; each is true if it is not here
+shadows = true                   # shadows on a plate or median are background
+smooth = true                    # single pixels go
+largest = true                   # the largest connected part is the person
+fill = true                      # slits and small holes are closed
+
+Every fault is a `ValueError` of one line that names file and key and how to mend it.
+"""
+
+import reprlib
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .._camera import Cameras
+from .._recording import UP_AXES, Recording
+from ..backgrounds import Cleaning
+from ._archive import fault
+from ._toml import check_known, read_toml
+from ._view_table import number, read_view, text
+from .calibrations import contents_of, read_calibration
+from .subject import read_subject
+from .views import View, ViewSilhouettes
+
+RECORDING_FILE = "recording.toml"
+_KEYS = ("fps", "calibration", "up", "unit", "frames", "subject", "views", "cleaning")
+
+
+def read_folder(folder: Path, in_memory: int) -> Recording:
+    """Read a recording that is a folder with a `recording.toml`.
+
+    Silhouettes are made when they are asked for. A frame of which a camera has no image is black in that view.
+
+    Args:
+        folder: The folder.
+        in_memory: See [`read_recording`][].
+
+    Raises:
+        ValueError: One line that names the file, the key and how to mend it.
+    """
+    path = folder / RECORDING_FILE
+    if not path.is_file():
+        raise fault(folder, None, f"holds no {RECORDING_FILE}; `jaxskel init {folder}` writes one")
+    table = read_toml(path, _KEYS, "fps, calibration and views", 'calibration = "calibration.toml"')
+    fps = number(path, "fps", table.get("fps"), "frames per second")
+    cleaning, shadows = _cleaning(path, table)
+    views = [read_view(path, name, view, fps, cleaning, shadows) for name, view in _views(path, table).items()]
+    cameras, up = _calibrated(path, table, views)
+    first, last = _span(path, table, views)
+    numbers = np.arange(first, last + 1)
+    subject = table.get("subject", "subject.toml" if (folder / "subject.toml").is_file() else None)
+    return Recording(
+        cameras=cameras,
+        silhouettes=ViewSilhouettes(views, numbers, in_memory),
+        fps=fps,
+        up=up,
+        frame_index=numbers,
+        skeleton=None if subject is None else read_subject(_beside(path, "subject", subject)),
+        name=folder.resolve().name,
+    )
+
+
+def _views(path: Path, table: dict[str, Any]) -> dict[str, Mapping[str, Any]]:
+    views = table.get("views")
+    if not isinstance(views, dict) or not all(isinstance(view, dict) for view in views.values()):
+        raise fault(path, "views", 'is missing; give a table for each camera, [views.cam1] with masks = "cam1"')
+    if len(views) < 2:
+        raise fault(path, "views", f"{len(views)} view; a visual hull needs at least 2")
+    return views
+
+
+def _calibrated(path: Path, table: dict[str, Any], views: list[View]) -> tuple[Cameras, str]:
+    """The cameras in the order of the views, under their names and with the sizes of their images; and the up axis."""
+    source = _beside(path, "calibration", table.get("calibration"))
+    unit = number(path, "unit", table["unit"], "metres per unit") if "unit" in table else None
+    tables = table["views"]
+    names = [text(path, f"views.{v.name}.camera", tables[v.name].get("camera", v.name)) for v in views]
+    if len(set(names)) < len(names):
+        double = next(name for name in names if names.count(name) > 1)
+        raise fault(path, "views", f"two views have the camera {double}; give each its own")
+    sizes = {}
+    for name, view in zip(names, views, strict=True):
+        size = tables[view.name].get("calibrated_size", list(view.frames.size))
+        if not (isinstance(size, list) and len(size) == 2 and all(type(n) is int and n > 0 for n in size)):
+            raise fault(path, f"views.{view.name}.calibrated_size", f"is {reprlib.repr(size)}; give [width, height]")
+        sizes[name] = (size[0], size[1])
+    for camera in contents_of(source).entries:
+        if camera.size is not None and sizes.get(camera.name, camera.size) != camera.size:
+            view = views[names.index(camera.name)].name
+            (width, height), (w, h) = sizes[camera.name], camera.size
+            raise fault(
+                path, f"views.{view}",
+                f"its images are {width} x {height} px, but {source.name} is for {w:g} x {h:g}; where they were padded "
+                f"or cut at the right or at the bottom only, state calibrated_size = [{w:g}, {h:g}]",
+            )  # fmt: skip
+    calibration = read_calibration(source, unit=unit, sizes=sizes)
+    known = calibration.cameras.names
+    for name, view in zip(names, views, strict=True):
+        if name not in known:
+            raise fault(
+                path, f"views.{view.name}.camera",
+                f"{name} is not in {source.name}, which has {', '.join(known)}; give the one that it is",
+            )  # fmt: skip
+    chosen = calibration.cameras[[known.index(name) for name in names]]
+    cameras = replace(
+        chosen,
+        size=np.array([view.frames.size for view in views]),
+        names=tuple(view.name for view in views),
+    )
+    up = table.get("up", calibration.up)
+    if up not in UP_AXES:
+        told = f"{source.name} does not say which axis points up" if up is None else f"is {reprlib.repr(up)}"
+        raise fault(path, "up", f"{told}; give one of {', '.join(UP_AXES)}")
+    return cameras, up
+
+
+def _span(path: Path, table: dict[str, Any], views: list[View]) -> tuple[int, int]:
+    spans = [view.span for view in views]
+    common = max(first for first, _ in spans), min(last for _, last in spans)
+    if "frames" in table:
+        frames = table["frames"]
+        if not (isinstance(frames, list) and len(frames) == 2 and all(type(n) is int for n in frames)):
+            raise fault(path, "frames", f"is {reprlib.repr(frames)}; give the first and the last, [0, 99]")
+        first, last = frames
+        lowest, highest = min(first for first, _ in spans), max(last for _, last in spans)
+        if not lowest <= first <= last <= highest:
+            raise fault(path, "frames", f"is {frames}, but there are images of frames {lowest} to {highest} only")
+        return first, last
+    for view, span in zip(views, spans, strict=True):
+        if span != spans[0]:
+            advice = f"state frames = {list(common)}" if common[0] <= common[1] else "check their offsets"
+            raise fault(
+                path, "frames",
+                f"view {views[0].name} has frames {spans[0][0]} to {spans[0][1]}, but {view.name} {span[0]} to "
+                f"{span[1]}; {advice}",
+            )  # fmt: skip
+    return common
+
+
+def _beside(path: Path, key: str, value: Any) -> Path:
+    return path.parent / text(path, key, value)
+
+
+def _cleaning(path: Path, table: dict[str, Any]) -> tuple[Cleaning, bool]:
+    """What is done to silhouettes that are cut out, and whether shadows are background."""
+    given = table.get("cleaning", {})
+    if not isinstance(given, dict):
+        raise fault(path, "cleaning", "give a table: a line [cleaning], then lines such as shadows = false")
+    for key, value in given.items():
+        check_known(path, key, ("shadows", *(field.name for field in fields(Cleaning))), "cleaning.")
+        if type(value) is not bool:
+            raise fault(path, f"cleaning.{key}", f"is {reprlib.repr(value)}; give true or false")
+    return Cleaning(**{k: v for k, v in given.items() if k != "shadows"}), given.get("shadows", True)

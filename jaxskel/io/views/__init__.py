@@ -1,0 +1,14 @@
+"""Views: where a camera's images come from, what a silhouette is in them, and which of them belong to a frame."""
+
+from ._cut_out import CutOut as CutOut
+from ._cut_out import in_colour as in_colour
+from ._frames import Frames as Frames
+from ._image_folder import ImageFolder as ImageFolder
+from ._image_folder import is_image as is_image
+from ._mask_archive import MaskArchive as MaskArchive
+from ._masks import Masks as Masks
+from ._masks import Matte as Matte
+from ._video import VIDEO_SUFFIXES as VIDEO_SUFFIXES
+from ._video import Video as Video
+from ._view import View as View
+from ._view_silhouettes import ViewSilhouettes as ViewSilhouettes

@@ -1,0 +1,30 @@
+"""Silhouettes cut out of colour images."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Shaped
+
+from ...backgrounds import Background, Cleaning
+
+
+@dataclass(frozen=True)
+class CutOut:
+    """A [`Matte`][]: what a background model does not know, cleaned."""
+
+    background: Background
+    cleaning: Cleaning
+
+    def foreground(self, image: Shaped[np.ndarray, "h w *channels"]) -> Bool[np.ndarray, "h w"]:
+        """True where the person is."""
+        return self.cleaning.apply(self.background.foreground(in_colour(image)))
+
+
+def in_colour(image: Shaped[np.ndarray, "h w *channels"]) -> Shaped[np.ndarray, "h w 3"]:
+    """An image of any kind as blue, green and red of 8 bits."""
+    if image.dtype == np.uint16:
+        image = (image // 257).astype(np.uint8)
+    if image.ndim == 2 or image.shape[2] == 1:
+        return np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR))
+    return np.ascontiguousarray(image[:, :, :3])

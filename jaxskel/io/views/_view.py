@@ -1,0 +1,50 @@
+"""One camera of a recording: its images, what is a silhouette in them, and how its clock runs."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool
+
+from .._archive import fault
+from ._frames import Frames
+from ._masks import Matte
+
+
+@dataclass(frozen=True)
+class View:
+    """One camera's silhouettes, by the recording's frame numbers."""
+
+    name: str
+    frames: Frames
+    matte: Matte
+    offset: int = 0
+    """Number of the image that belongs to the recording's frame 0."""
+    speed: float = 1.0
+    """Images for each frame of the recording: the camera's rate over the recording's."""
+
+    @property
+    def span(self) -> tuple[int, int]:
+        """The recording's first and last frame that this view has an image of."""
+        first, last = self.frames.span
+        lowest = int(np.ceil((first - self.offset - 0.5) / self.speed))
+        highest = int(np.floor((last - self.offset + 0.5) / self.speed))
+        return lowest + (self._image_of(lowest) < first), highest - (self._image_of(highest) > last)
+
+    def silhouette(self, frame: int) -> Bool[np.ndarray, "h w"]:
+        """True where the person is; nowhere, where the camera has no image of this frame.
+
+        Raises:
+            ValueError: One line that names the file, and the frame where the image cannot be used.
+        """
+        image = self.frames.read(self._image_of(frame))
+        if image is None:
+            width, height = self.frames.size
+            return np.zeros((height, width), bool)
+        try:
+            return self.matte.foreground(image)
+        except ValueError as error:
+            raise fault(self.frames.path, None, f"image {self._image_of(frame)}: {error}") from None
+
+    def _image_of(self, frame: int) -> int:
+        """The image taken nearest in time."""
+        return int(np.floor(frame * self.speed + 0.5)) + self.offset

@@ -1,0 +1,208 @@
+"""Recordings that are folders: the same recording as in one file, and what is refused."""
+
+import re
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from jaxskel import Recording, default_adult, make_cameras, unpack_silhouettes
+from jaxskel.io import read_recording, write_calibration, write_pose2sim_calibration, write_subject
+from jaxskel.synthetic import camera_ring
+
+SIZE = (40, 30)
+FRAMES = 6
+
+
+def a_recording() -> Recording:
+    """Three cameras, and in each a bar that walks."""
+    cameras = camera_ring(count=3, size=SIZE)
+    cameras = make_cameras(cameras.K, cameras.R, cameras.t, cameras.size, names=["left", "front", "right"])
+    masks = np.zeros((FRAMES, 3, SIZE[1], SIZE[0]), bool)
+    for frame in range(FRAMES):
+        for camera in range(3):
+            masks[frame, camera, 5:25, frame + 4 * camera : frame + 4 * camera + 6] = True
+    return Recording(cameras, np.packbits(masks, axis=-1), 25.0, "+Z", np.arange(FRAMES))
+
+
+def masks_of(recording: Recording, camera: int) -> np.ndarray:
+    return unpack_silhouettes(np.asarray(recording.silhouettes)[:, camera], SIZE[0]).astype(np.uint8) * 255
+
+
+def write_views(folder: Path, recording: Recording, kind: str) -> dict[str, str]:
+    """Write the masks, or pictures before a green backdrop; returns what a `recording.toml` calls them."""
+    sources = {}
+    for camera, name in enumerate(recording.cameras.names):
+        masks = masks_of(recording, camera)
+        if kind == "folders":
+            (folder / "masks" / name).mkdir(parents=True)
+            for frame, mask in enumerate(masks):
+                cv2.imwrite(str(folder / "masks" / name / f"{frame:06d}.png"), mask)
+            sources[name] = f'masks = "masks/{name}"'
+        elif kind == "archive":
+            every = {n: masks_of(recording, c) for c, n in enumerate(recording.cameras.names)}
+            np.savez(folder / "masks.npz", **every)
+            sources[name] = f'masks = "masks.npz:{name}"'
+        else:
+            pictures = np.where(masks[..., None] > 0, np.uint8([60, 70, 200]), np.uint8([40, 180, 50]))
+            if kind == "video":
+                pictures = np.repeat(masks[..., None], 3, axis=-1)
+            write_video(folder / f"{name}.avi", pictures)
+            sources[name] = f'masks = "{name}.avi"' if kind == "video" else f'images = "{name}.avi"\nbackdrop = true'
+            if kind == "plate":
+                write_video(folder / "empty" / f"{name}.avi", np.full_like(pictures[:3], (40, 180, 50)))
+                sources[name] = f'images = "{name}.avi"\nplate = "empty/{name}.avi"'
+    return sources
+
+
+def write_video(path: Path, pictures: np.ndarray) -> None:
+    path.parent.mkdir(exist_ok=True)
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"FFV1"), 25.0, SIZE)
+    for picture in pictures:
+        writer.write(np.ascontiguousarray(picture))
+    writer.release()
+
+
+def write_folder(folder: Path, kind: str = "folders", top: str = "", **views: str) -> Path:
+    """A folder with a recording; `views` are lines in addition to a view's own."""
+    recording = a_recording()
+    write_pose2sim_calibration(folder / "calibration.toml", recording.cameras)
+    lines = ["fps = 25", 'calibration = "calibration.toml"', top]
+    for name, source in write_views(folder, recording, kind).items():
+        lines += [f"[views.{name}]", source, views.get(name, "")]
+    lines += ["[cleaning]", "smooth = false", "fill = false"]
+    (folder / "recording.toml").write_text("\n".join(lines))
+    return folder
+
+
+@pytest.mark.parametrize("kind", ["folders", "archive", "video", "backdrop", "plate"])
+def test_a_folder_is_the_recording_that_went_into_it(tmp_path, kind):
+    read, wanted = read_recording(write_folder(tmp_path, kind)), a_recording()
+    np.testing.assert_array_equal(read.silhouettes[:], wanted.silhouettes)
+    assert (read.fps, read.up, read.name, len(read)) == (25.0, "+Z", tmp_path.name, FRAMES)
+    assert read.cameras.names == wanted.cameras.names
+    np.testing.assert_array_equal(read.cameras.size, wanted.cameras.size)
+    for field in ("K", "R", "t"):
+        np.testing.assert_allclose(getattr(read.cameras, field), getattr(wanted.cameras, field), atol=1e-9)
+    assert read.skeleton is None
+
+
+def test_the_file_itself_can_be_named(tmp_path):
+    assert len(read_recording(write_folder(tmp_path) / "recording.toml")) == FRAMES
+
+
+def test_the_subject_is_found_beside_the_recording_or_where_it_is_said_to_be(tmp_path):
+    write_subject(tmp_path / "subject.toml", default_adult().scaled(0.9))
+    skeleton = read_recording(write_folder(tmp_path)).skeleton
+    assert skeleton is not None
+    assert skeleton.stature == pytest.approx(0.9 * default_adult().stature, abs=1e-5)
+
+
+def test_views_are_given_the_cameras_that_they_name_in_any_order(tmp_path):
+    wanted = a_recording().cameras
+    write_folder(tmp_path, left='camera = "right"', right='camera = "left"')
+    cameras = read_recording(tmp_path).cameras
+    assert cameras.names == ("left", "front", "right")
+    np.testing.assert_allclose(cameras.t, np.asarray(wanted.t)[[2, 1, 0]], atol=1e-9)
+
+
+def test_a_view_with_an_offset_shows_other_images(tmp_path):
+    write_folder(tmp_path, top="frames = [-1, 5]", front="offset = 2")
+    read, wanted = read_recording(tmp_path), a_recording()
+    assert read.frame_index.tolist() == list(range(-1, 6))
+    np.testing.assert_array_equal(read.silhouettes[:][:-2, 1], np.asarray(wanted.silhouettes)[1:, 1])
+    assert not read.silhouettes[:][-2:, 1].any()
+    assert not read.silhouettes[0, 0].any()
+
+
+def test_a_calibration_for_another_size_is_used_where_the_file_says_so(tmp_path):
+    write_folder(tmp_path)
+    wanted = a_recording().cameras
+    larger = make_cameras(wanted.K, wanted.R, wanted.t, wanted.size + 8, names=wanted.names)
+    write_pose2sim_calibration(tmp_path / "calibration.toml", larger)
+    with pytest.raises(ValueError, match="images are 40 x 30 px, but calibration.toml is for 48 x 38"):
+        read_recording(tmp_path)
+    text = (tmp_path / "recording.toml").read_text()
+    for name in wanted.names:
+        text = text.replace(f"[views.{name}]", f"[views.{name}]\ncalibrated_size = [48, 38]")
+    (tmp_path / "recording.toml").write_text(text)
+    np.testing.assert_array_equal(read_recording(tmp_path).cameras.size, wanted.size)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "right", "told"),
+    [
+        ("fps = 25", "fps = 0", "'fps': is 0"),
+        ("fps = 25", "", "'fps': is missing"),
+        ("fps = 25", "fsp = 25", "did you mean fps"),
+        ('"calibration.toml"', '"none.toml"', "none.toml: cannot be opened"),
+        ('"calibration.toml"', "3", "'calibration': is 3; give text"),
+        ("fps = 25", 'fps = 25\nup = "Z"', "'up': is 'Z'; give one of +X"),
+        ("fps = 25", "fps = 25\nunit = -1", "'unit': is -1"),
+        ("fps = 25", "fps = 25\nunit = 0.001", "give unit"),
+        ("fps = 25", "fps = 25\nframes = [3]", "'frames': is [3]"),
+        ("fps = 25", "fps = 25\nframes = [0, 6]", "there are images of frames 0 to 5 only"),
+        ("[views.left]", '[views.left]\ncamera = "top"', "top"),
+        ("[views.left]", '[views.left]\ncamera = "front"', "two views have the camera front"),
+        ("[views.left]", "[views.left]\ncalibrated_size = [1]", "views.left.calibrated_size': is [1]"),
+        ("[views.left]", "[views.left]\noffset = 0.5", "views.left.offset': is 0.5"),
+        ("[views.left]", "[views.left]\noffset = 1", "state frames = [0, 4]"),
+        ("[views.left]", "[views.left]\noffset = 99", "check their offsets"),
+        ("[views.left]", "[views.left]\nmedian = true", "masks need no background"),
+        ("[views.left]", '[views.left]\nimages = "masks/left"', "give either masks"),
+        ("[views.left]", "[views.left]\nmask = 1", "did you mean masks"),
+        ('masks = "masks/left"', 'images = "masks/left"', "comes without a background"),
+        ('masks = "masks/left"', 'images = "masks/left"\nbackdrop = [1, 2]', "[red, green, blue]"),
+        ('masks = "masks/left"', 'images = "masks/left"\nmedian = "yes"', "median': is 'yes'; give true"),
+        ('masks = "masks/left"', 'images = "masks/left"\nplate = "none.png"', "none.png: is no image"),
+        ('masks = "masks/left"', 'images = "masks/left"\nbackdrop = true', "saturated colour"),
+        ('masks = "masks/left"', "masks = 3", "views.left.masks': is 3"),
+        ('masks = "masks/left"', 'masks = "masks/top"', "top: cannot be opened"),
+        ("smooth = false", "smooth = 1", "cleaning.smooth': is 1; give true or false"),
+        ("smooth = false", "smoth = true", "did you mean smooth"),
+        ("[cleaning]", "[cleaning", "is not TOML"),
+    ],
+)
+def test_what_is_wrong_is_named_in_one_line(tmp_path, wrong, right, told):
+    path = write_folder(tmp_path) / "recording.toml"
+    text = path.read_text()
+    assert wrong in text
+    path.write_text(text.replace(wrong, right))
+    with pytest.raises(ValueError, match=re.escape(told)) as error:
+        read_recording(tmp_path)
+    assert str(tmp_path) in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_folder_without_the_file_says_what_writes_it(tmp_path):
+    with pytest.raises(ValueError, match="jaxskel init"):
+        read_recording(tmp_path)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.data())
+def test_damaged_files_are_refused_or_read(tmp_path, data):
+    if not (tmp_path / "masks").exists():
+        write_folder(tmp_path)
+        (tmp_path / "whole.toml").write_bytes((tmp_path / "recording.toml").read_bytes())
+    text = (tmp_path / "whole.toml").read_bytes()
+    start = data.draw(st.integers(0, len(text)))
+    stop = data.draw(st.integers(start, min(len(text), start + 20)))
+    (tmp_path / "recording.toml").write_bytes(text[:start] + data.draw(st.binary(max_size=8)) + text[stop:])
+    told = ""
+    try:
+        read_recording(tmp_path)
+    except ValueError as error:
+        told = str(error)
+    assert "\n" not in told
+
+
+def test_calibration_of_a_sequence_file_will_do_too(tmp_path):
+    write_folder(tmp_path)
+    write_calibration(tmp_path / "rig.npz", a_recording().cameras, "+Y")
+    path = tmp_path / "recording.toml"
+    path.write_text(path.read_text().replace("calibration.toml", "rig.npz"))
+    assert read_recording(tmp_path).up == "+Y"
