@@ -3,6 +3,8 @@
 The public surface, in the order of the data flow: recording, hull, graph, labels, pose.
 """
 
+from . import backgrounds as backgrounds
+from . import boards as boards
 from . import io as io
 from . import metrics as metrics
 from . import parametrisations as parametrisations

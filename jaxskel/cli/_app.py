@@ -8,6 +8,7 @@ import typer
 
 from ._cache import keep_compiled
 from ._calibrate_body import calibrate_body
+from ._calibrate_cameras import calibrate_cameras
 from ._check import check
 from ._demo import demo
 from ._evaluate import evaluate
@@ -28,6 +29,7 @@ app.command()(init)
 app.command()(run)
 app.command()(evaluate)
 app.command()(check)
+app.command()(calibrate_cameras)
 app.command()(calibrate_body)
 app.command()(refine_cameras)
 app.command()(export)
