@@ -14,6 +14,8 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
+from ._rim import without_thin_air
+
 # Images that are kept at most: a median of so many is off by a fifth of the noise, and 50 HD images take 0.3 GB.
 _KEPT = 50
 # A pixel differs where it is this many standard deviations off. Were noise Gaussian, one image of a megapixel in
@@ -77,7 +79,7 @@ class Plate:
             chosen = np.nonzero(differs)
             shadow = _in_shadow(seen[chosen], self._expected[chosen], limit[chosen])
             differs[chosen] = ~shadow
-        return differs
+        return without_thin_air(differs, seen, self._expected)
 
     @cached_property
     def _expected(self) -> np.ndarray:
