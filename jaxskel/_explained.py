@@ -2,6 +2,7 @@
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ._body import Body, capsule_ends
@@ -13,6 +14,18 @@ from .terms import place
 
 # An outline no farther from the body than this may be its own (m).
 _NEAR = 0.04
+# Holes and blobs in poor masks leave this share of the outlines to nobody.
+_POOR_MASKS = 0.125
+# A fit that leaves this share to nobody is of something else than the subject.
+NOT_THE_SUBJECT = 0.4
+
+
+def trust_in_explained(shares: Float[np.ndarray, " frames"]) -> Float[np.ndarray, " frames"]:
+    """How far to trust poses that leave these shares of the outlines to nobody, from 0 to 1.
+
+    What the person sits on or holds is in the silhouettes too: it pulls at the body, as does what it hides.
+    """
+    return np.clip((NOT_THE_SUBJECT - shares) / (NOT_THE_SUBJECT - _POOR_MASKS), 0.0, 1.0)
 
 
 @kept

@@ -14,7 +14,7 @@ from ._camera import Cameras
 from ._carve import FRAMES_PER_WORD
 from ._confidence import joint_confidence, searched_confidence
 from ._descriptors import template_ends
-from ._explained import unexplained_shares
+from ._explained import NOT_THE_SUBJECT, trust_in_explained, unexplained_shares
 from ._forest import forest_of
 from ._graph import SkeletalGraph
 from ._hypotheses import Hypotheses
@@ -49,9 +49,6 @@ BATCH = FRAMES_PER_WORD
 _LEG_TOLERANCE = 0.3
 # From a raised hand, which the highest voxel may be, the feet are at most half as far again as from the head.
 _FARTHEST = 1.6
-# A fit that leaves more of the outlines unexplained than this share is of something else than the subject. Holes and
-# blobs in poor masks leave about an eighth.
-_UNEXPLAINED = 0.4
 
 
 def reconstruct_batch(
@@ -204,10 +201,11 @@ def _by_search(work: Work, search: Search, fps: float, track: Track | None) -> t
             found = solve_frames(model, search, starts, fallback, observed)
         else:
             found, sides, track = track_frames(model, search, tracking, fps, track, propose, fallback, observed)
-        plausible = _unexplained(found.best, observed, prepared.body) < _UNEXPLAINED
+        unexplained = _unexplained(found.best, observed, prepared.body)
         unusual = dear(None if costs is None else costs.typical)
         trust = searched_confidence(_joints(found, prepared.skeleton), found.cost, unusual)
-    return Start(found.best, observed, plausible, sides, lambda _: trust), track
+        trust *= trust_in_explained(unexplained)[:, None]
+    return Start(found.best, observed, unexplained < NOT_THE_SUBJECT, sides, lambda _: trust), track
 
 
 def _refined(

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from jaxskel._confidence import searched_confidence
+from jaxskel._explained import NOT_THE_SUBJECT, trust_in_explained
 
 DEAR = 20.0
 
@@ -41,3 +42,13 @@ def test_a_dear_pose_is_trusted_less_in_every_joint():
 
 def test_infinite_costs_are_no_rivals():
     assert searched_confidence(hypotheses(True), np.array([[5.0, np.inf]]), DEAR)[0, 5] == 1.0
+
+
+def test_what_nobody_explains_takes_trust_away_until_it_is_no_subject():
+    shares = np.linspace(0, 0.6, 61)
+    trust = trust_in_explained(shares)
+    np.testing.assert_array_equal(trust[shares <= 0.125], 1.0)
+    np.testing.assert_array_equal(trust[shares >= NOT_THE_SUBJECT], 0.0)
+    between = trust[(shares > 0.125) & (shares < NOT_THE_SUBJECT)]
+    assert (np.diff(between) < 0).all()
+    assert trust_in_explained(np.array([(0.125 + NOT_THE_SUBJECT) / 2]))[0] == pytest.approx(0.5)

@@ -14,7 +14,7 @@ from .._settings import Settings, paper_settings
 from .._smooth import smooth
 from .._track import Tracking
 from ..io import read_body, read_recording, read_subject, write_poses
-from ._progress import StageTimes, advice, reconstruct_with_progress, summary
+from ._progress import StageTimes, advice, doubt, reconstruct_with_progress, summary
 
 Recorded = Annotated[Path, typer.Argument(metavar="RECORDING", help="Folder with a recording.toml, or sequence file.")]
 Spacing = Annotated[float, typer.Option(help="Edge length of a voxel (m).")]
@@ -78,6 +78,9 @@ def run(
     if not prepared.skeleton_is_known:
         print(f"{recording.name}: unknown subject, an average adult of {prepared.skeleton.stature:.2f} m was fitted")
     print(f"{archive}, {table}: {summary(poses, times)}")
+    warning = doubt(poses)
+    if warning:
+        print(f"jaxskel: {source}: {warning}", file=sys.stderr)
     problem = advice(poses, recording)
     if problem:
         print(f"jaxskel: {source}: {problem}", file=sys.stderr)
