@@ -1,12 +1,14 @@
 """The README stays true: its Python runs, its commands are those of CI, its names exist."""
 
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
 
 from jaxskel import STATUS_NAMES
-from jaxskel.io import write_recording
+from jaxskel.cli._app import app
+from jaxskel.io import _view_table, folders, write_recording
 from jaxskel.synthetic import make_scene
 
 ROOT = Path(__file__).parents[1]
@@ -27,6 +29,18 @@ def test_python_of_the_readme_runs(tmp_path, monkeypatch, capsys):
     for result in (names["refined"], names["free"], names["together"]):
         assert result.joints.shape == (4, 15, 3)
         assert result.finite.all()
+
+
+def test_keys_of_the_recording_are_those_that_are_read():
+    (text,) = re.findall(r"```toml\n(fps.*?)```", README, re.S)
+    table = tomllib.loads(text)
+    assert set(table) <= set(folders.KEYS)
+    assert all(set(view) <= set(_view_table.KEYS) for view in table["views"].values())
+
+
+def test_every_command_is_in_the_table():
+    commands = [command.name or command.callback.__name__.replace("_", "-") for command in app.registered_commands]
+    assert [name for name in commands if f"| `jaxskel {name} " not in README] == []
 
 
 def test_every_status_is_explained():

@@ -70,7 +70,7 @@ def check(
     write_image(output, tile(images, labels, columns=min(5, len(images))))
     Console().print(_table(cameras.names, coverage, spill, lost))
     print(_describe(recording, grid, hulls))
-    print(f"{output}: frame {drawn} of {source}, silhouettes grey, hull yellow, voxel box violet")
+    print(f"{output}: frame {drawn} of {recording.name}, silhouettes grey, hull yellow, voxel box violet")
 
 
 def _table(names: tuple[str, ...], coverage: np.ndarray, spill: np.ndarray, lost: np.ndarray) -> Table:

@@ -127,4 +127,4 @@ def advice(poses: Poses, recording: Recording) -> str | None:
         Status.NO_MATCH: "the hull is not that of a person with these dimensions: is the up axis right?",
         Status.FAILED: "the refinement broke down",
     }
-    return f"no pose in any frame: {hints[worst]} (jaxskel check {recording.name}.npz draws it)"
+    return f"no pose in any frame: {hints[worst]} (jaxskel check draws it)"

@@ -46,7 +46,7 @@ from .subject import read_subject
 from .views import View, ViewSilhouettes
 
 RECORDING_FILE = "recording.toml"
-_KEYS = ("fps", "calibration", "up", "unit", "frames", "subject", "views", "cleaning")
+KEYS = ("fps", "calibration", "up", "unit", "frames", "subject", "views", "cleaning")
 
 
 def read_folder(folder: Path, in_memory: int) -> Recording:
@@ -64,7 +64,7 @@ def read_folder(folder: Path, in_memory: int) -> Recording:
     path = folder / RECORDING_FILE
     if not path.is_file():
         raise fault(folder, None, f"holds no {RECORDING_FILE}; `jaxskel init {folder}` writes one")
-    table = read_toml(path, _KEYS, "fps, calibration and views", 'calibration = "calibration.toml"')
+    table = read_toml(path, KEYS, "fps, calibration and views", 'calibration = "calibration.toml"')
     fps = number(path, "fps", table.get("fps"), "frames per second")
     cleaning, shadows = _cleaning(path, table)
     views = [read_view(path, name, view, fps, cleaning, shadows) for name, view in _views(path, table).items()]
