@@ -41,7 +41,7 @@ def test_silhouettes_are_as_wide_as_the_person_however_sharp_the_image(person, s
 
 
 def test_what_is_left_shows_about_half_of_the_person_at_least():
-    share = cover(1.0)
+    share = cover(0.7)
     room, person = np.array([100.0, 0.0, 0.0]), np.array([40.0, 30.0, -20.0])
     seen = (share[..., None] * person + (1 - share[..., None]) * room).astype(np.float32)
     expected = np.broadcast_to(room, seen.shape).astype(np.float32)
