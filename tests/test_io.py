@@ -300,8 +300,8 @@ def test_not_an_archive(tmp_path, read, what):
 
 @pytest.mark.parametrize("read", [read_recording, read_poses, read_truth])
 def test_no_file(tmp_path, read):
-    for path in (tmp_path / "none.npz", tmp_path):
-        refused(read, path, "check the path")
+    refused(read, tmp_path / "none.npz", "check the path")
+    refused(read, tmp_path, "jaxskel init" if read is read_recording else "check the path")
 
 
 def test_truncated_archive(clip):
