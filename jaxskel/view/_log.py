@@ -16,7 +16,8 @@ from ._skeleton import body_points, log_skeleton
 from ._stages import LABELS, FrameStages, stages_of_frames
 from ._views import log_cameras, log_projections, log_silhouettes
 
-_HULL = (150, 150, 150)
+# Dots that touch would hide graph and skeleton, which are inside; the viewer draws points opaque.
+_HULL, _DOT = (150, 150, 150), 0.15
 _GRAPH = (224, 138, 0)
 _NODE, _EDGE = 0.02, 0.004  # m
 
@@ -91,12 +92,12 @@ def shown_frames(
     return rows[places], places
 
 
-def _up_axis(up: str) -> rr.ViewCoordinates:
+def _up_axis(up: str) -> rr.components.ViewCoordinates:
     return getattr(rr.ViewCoordinates, f"RIGHT_HAND_{up[1]}_{'UP' if up[0] == '+' else 'DOWN'}")
 
 
 def _log_stages(stream: rr.RecordingStream, found: FrameStages, spacing: float) -> None:
-    stream.log("world/hull", rr.Points3D(_single(found.surface), radii=spacing / 2, colors=_HULL))
+    stream.log("world/hull", rr.Points3D(_single(found.surface), radii=_DOT * spacing, colors=_HULL))
     stream.log("world/graph", rr.LineStrips3D(_single(found.edges), radii=_EDGE, colors=_GRAPH))
     there = np.isfinite(found.named).all(1)
     labels = [LABELS[i] for i in np.flatnonzero(there)]

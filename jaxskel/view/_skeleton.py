@@ -30,8 +30,7 @@ _THINNEST = 0.3
 
 def body_points(poses: Poses, frame: int) -> Float[np.ndarray, "points=20 3"]:
     """Joints and then tips of one frame in the recording's world (m); NaN where there is none."""
-    tips = np.full((len(TIP_NAMES), 3), np.nan) if poses.tips is None else poses.tips[frame]
-    return np.concatenate([poses.joints[frame], tips]).astype(np.float64)
+    return np.concatenate([poses.joints[frame], poses.tips[frame]]).astype(np.float64)
 
 
 def log_skeleton(

@@ -30,8 +30,8 @@ class FrameStages(eqx.Module):
     status: Status
     """`Status.OK` where there is one whole person."""
     surface: Float[np.ndarray, "voxels 3"]
-    """Centres of the voxels at the surface of the hull (m): of the person, or, where the frame has not one whole
-    person, of all that was carved."""
+    """Centres of the voxels at the surface of the hull (m): of the person, or, where enough views show
+    something else than one whole person, of all that was carved."""
     edges: Float[np.ndarray, "edges 2 3"]
     """Edges of the skeletal graph (m); none without a person."""
     named: Float[np.ndarray, "labels=7 3"]
@@ -58,15 +58,18 @@ def stages_of_frames(
         if seen.hulls is not None and person:
             graphs = person_graphs(seen.hulls, prepared.skeleton, settings)
             limbs, _, _ = labelled_limbs(graphs, prepared.skeleton, settings)
-        if prepared.table is not None and len(person) < len(silhouettes):
-            # Why there is no person is what one wants to see; `see_people` keeps the hulls of people only.
+        # Why there is no person is what one wants to see; `see_people` keeps the hulls of people only. Of too few
+        # views there is no hull.
+        refused = ~np.isin(seen.status, (Status.OK, Status.EMPTY, Status.TOO_FEW_VIEWS))
+        if prepared.table is not None and refused.any():
             everything = carve(silhouettes, prepared.table, seen.lost, prepared.max_misses)
         for frame in range(len(silhouettes)):
-            hulls, i = (seen.hulls, person[frame]) if frame in person else (everything, frame)
-            surface = np.zeros((0, 3)) if hulls is None else surface_centres(hulls, i)
-            edges, named = np.zeros((0, 2, 3)), np.full((len(LABELS), 3), np.nan)
-            if frame in person:
-                edges, named = _edges(graphs[i]), _named(limbs, i)
+            surface, edges, named = np.zeros((0, 3)), np.zeros((0, 2, 3)), np.full((len(LABELS), 3), np.nan)
+            if frame in person and seen.hulls is not None:
+                i = person[frame]
+                surface, edges, named = surface_centres(seen.hulls, i), _edges(graphs[i]), _named(limbs, i)
+            elif refused[frame] and everything is not None:
+                surface = surface_centres(everything, frame)
             back = prepared.to_z_up
             status = Status(int(seen.status[frame]))
             yield FrameStages(silhouettes[frame], status, surface @ back, edges @ back, named @ back)
