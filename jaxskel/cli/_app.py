@@ -17,6 +17,7 @@ from ._init import init
 from ._refine_cameras import refine_cameras
 from ._report import report
 from ._run import run
+from ._view import view
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -34,6 +35,7 @@ app.command()(calibrate_body)
 app.command()(refine_cameras)
 app.command()(export)
 app.command()(report)
+app.command()(view)
 
 
 def _show_version(wanted: bool) -> None:

@@ -1,0 +1,69 @@
+"""`jaxskel view`: a recording in an interactive 3D viewer."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .._recording import Recording
+from ..io import read_poses, read_recording
+from ._progress import progress_bar
+from ._run import Box, MaxMisses, Preset, PresetOption, Recorded, Spacing, make_settings
+
+
+def view(
+    source: Recorded,
+    poses: Annotated[Path | None, typer.Argument(help="poses.npz as written by `jaxskel run`.")] = None,
+    frames: Annotated[
+        str,
+        typer.Option(metavar="A:B", help="Frames A to B - 1 only, counted from 0; either may be left out."),
+    ] = ":",
+    save: Annotated[
+        Path | None, typer.Option(help="File to write (.rrd) instead of opening a window: `rerun FILE.rrd` shows it.")
+    ] = None,
+    spacing: Spacing = 0.015,
+    max_misses: MaxMisses = None,
+    box: Box = None,
+    preset: PresetOption = Preset.DEFAULT,
+) -> None:
+    """Show hull, skeletal graph, labels, views and, where there are poses, the skeleton over time."""
+    if save is not None and (save.suffix.lower() != ".rrd" or save.is_dir()):
+        raise ValueError(f"{save}: the view is written to a file; give a name that ends in .rrd")
+    try:
+        from ..view import save_view, show_view  # needs an extra, and takes a quarter of a second
+        from ..view._show import has_display
+    except ImportError as error:
+        raise ValueError(str(error)) from None
+    if save is None and not has_display():
+        raise ValueError(
+            "there is no display to open a window on; give --save FILE.rrd, and open that file with `rerun FILE.rrd` "
+            "where there is one"
+        )
+    recording, found = read_recording(source), None if poses is None else read_poses(poses)
+    chosen = _slice(frames, recording)
+    settings = make_settings(preset, spacing, max_misses, box)
+    progress, task = progress_bar("compiling, carving", len(recording))
+
+    def on_frame(done: int, total: int) -> None:
+        progress.update(task, description="carving, logging", completed=done, total=total)
+
+    with progress:
+        if save is None:
+            count = show_view(recording, found, settings, chosen, on_frame)
+        else:
+            count = save_view(save, recording, found, settings, chosen, on_frame)
+    what = f"{count} frames, {len(recording.cameras)} views, {'no poses' if found is None else 'with poses'}"
+    if save is None:
+        print(f"{source}: {what}, shown in the window of rerun")
+    else:
+        print(f"{save}: {what}, {save.stat().st_size / 1e6:.1f} MB; `rerun {save}` shows it")
+
+
+def _slice(frames: str, recording: Recording) -> slice:
+    """The frames of ``A:B``."""
+    start, colon, stop = frames.partition(":")
+    if colon and all(part == "" or part.isdecimal() for part in (start, stop)):
+        chosen = slice(int(start or 0), int(stop or len(recording)))
+        if chosen.start < chosen.stop <= len(recording):
+            return chosen
+    raise ValueError(f"--frames {frames}: give A:B with 0 <= A < B <= {len(recording)}, as in 0:{len(recording)}")
