@@ -23,7 +23,7 @@ def blueprint(recording: Recording, with_poses: bool) -> rrb.Blueprint:
     below: list[rrb.View] = [rrb.TextLogView(origin="status", name="status")]
     if with_poses:
         confidence = rrb.TimeSeriesView(
-            origin="confidence", name="confidence", axis_y=rrb.ScalarAxis(range=(0.0, 1.0), zoom_lock=True)
+            origin="confidence", name="confidence", axis_y=rrb.ScalarAxis(range=(0.0, 1.05), zoom_lock=True)
         )
         below.insert(0, confidence)
     # Numbers of frames go up by more than one where only some of the material's frames were taken.

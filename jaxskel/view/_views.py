@@ -15,7 +15,8 @@ LONG_SIDE = 640
 
 # How far before its camera an image hangs (m): well outside of the people, who stand some metres off.
 _IMAGE_DISTANCE = 0.4
-_LINE = 1.5  # px
+# Of a line over an image (px of the screen, whatever the size at which the image is shown).
+_LINE = rr.Radius.ui_points(1.5)
 
 
 def camera_path(name: str) -> str:
