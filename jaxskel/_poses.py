@@ -61,6 +61,11 @@ class Poses(eqx.Module):
         """Which frames have a pose."""
         return np.isin(self.status, WITH_POSE)
 
+    @property
+    def typical_confidence(self) -> float:
+        """Median over the frames with a pose of their joints' mean confidence; NaN where no frame has one."""
+        return float(np.median(self.confidence[self.has_pose].mean(1))) if self.has_pose.any() else float("nan")
+
     def counts(self) -> dict[str, int]:
         """Number of frames of each status that occurs, by name."""
         return {name: int((self.status == i).sum()) for i, name in enumerate(STATUS_NAMES) if (self.status == i).any()}

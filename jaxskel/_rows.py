@@ -20,13 +20,25 @@ def recording_rows(recording: Recording, poses: Poses) -> Int[np.ndarray, " fram
             raise ValueError(
                 f"{recording.name}: {what} {mine} but the poses have {theirs}; give the recording they were made of"
             )
-    if np.array_equal(recording.frame_index, poses.frame_index):
-        return np.arange(len(poses))
-    row = {number: i for i, number in enumerate(recording.frame_index.tolist())}
+    return rows_by_index(recording.name, recording.frame_index, poses)
+
+
+def rows_by_index(source: str, frame_index: Int[np.ndarray, " available"], poses: Poses) -> Int[np.ndarray, " frames"]:
+    """The row of each frame of the poses among frames of the given numbers.
+
+    Args:
+        source: Where the numbers come from, for messages.
+        frame_index: Number of each frame that there is.
+        poses: The poses.
+
+    Raises:
+        ValueError: A frame of the poses is not there.
+    """
+    row = {number: i for i, number in enumerate(frame_index.tolist())}
     missing = [number for number in poses.frame_index.tolist() if number not in row]
     if missing:
         raise ValueError(
-            f"{recording.name}: frame {missing[0]} is not there, of which there is a pose ({len(missing)} of "
-            f"{len(poses)} frames); give the recording that the poses were made of"
+            f"{source}: frame {missing[0]} is not there, of which there is a pose ({len(missing)} of {len(poses)} "
+            "frames); give that of the recording that the poses were made of"
         )
     return np.array([row[number] for number in poses.frame_index.tolist()], np.int64)

@@ -12,7 +12,7 @@ from .._calibrate_body import calibrate_body as found_body
 from .._skeleton import default_adult
 from ..io import read_recording, write_subject
 from ._progress import progress_bar
-from ._run import MaxMisses, Preset, Recorded, Spacing, make_settings
+from ._run import MaxMisses, Preset, Recorded, Spacing, check_output_file, make_settings
 
 _STATURES = (0.8, 2.4)  # m
 
@@ -32,8 +32,7 @@ def calibrate_body(
     """Find the subject's bone lengths and radii from the silhouettes; dimensions in the recording are not looked at."""
     if stature is not None and not _STATURES[0] < stature < _STATURES[1]:
         raise ValueError(f"--stature {stature:g}: give metres between {_STATURES[0]} and {_STATURES[1]}")
-    if output.is_dir():
-        raise ValueError(f"{output}: the output must be a file, but this is a folder; choose another name")
+    check_output_file(output)
     recording = read_recording(source)
     settings = make_settings(Preset.DEFAULT, spacing, max_misses, None)
     progress, task = progress_bar(STAGES[0], len(STAGES))

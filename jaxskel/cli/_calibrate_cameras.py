@@ -12,6 +12,7 @@ from .._recording import pack_silhouettes
 from ..boards import Board, BoardCalibration, Intrinsics, board_intrinsics, some_frames
 from ..boards import calibrate_cameras as found_cameras
 from ..io.calibrations import read_calibration, write_pose2sim_calibration
+from ._run import check_output_file
 
 _MASKS = 3  # frames of a mask video that are looked at
 
@@ -39,8 +40,7 @@ def calibrate_cameras(
     ] = None,
 ) -> None:
     """Find extrinsics from a checkerboard that lies or stands still at one place; the world's z is out of its face."""
-    if output.is_dir():
-        raise ValueError(f"{output}: the output must be a file, but this is a folder; choose another name")
+    check_output_file(output)
     sizes = board.lower().split("x")
     if len(sizes) != 2 or not all(part.isdecimal() for part in sizes):
         raise ValueError(f"--board {board}: give inner corners along and across, such as 9x6")

@@ -10,6 +10,7 @@ from rich.console import Console
 
 from .._poses import Poses
 from .._recording import Truth
+from .._rows import rows_by_index
 from ..io import read_poses, read_truth
 from ..metrics import Score, score, score_table
 from ._run import check_output
@@ -34,14 +35,7 @@ def evaluate(
 
 def score_poses(poses: Poses, truth: Truth, index: np.ndarray, source: str) -> Score:
     """Score the frames that both have, by their frame index."""
-    row = {int(number): i for i, number in enumerate(index)}
-    missing = [int(number) for number in poses.frame_index if int(number) not in row]
-    if missing:
-        raise ValueError(
-            f"{source}: key 'frame_index': no truth for frame {missing[0]} ({len(missing)} of {len(poses)} frames); "
-            "give the truth of the same recording"
-        )
-    rows = [row[int(number)] for number in poses.frame_index]
+    rows = rows_by_index(source, index, poses)
     return score(poses.joints.astype(np.float64), truth.joints[rows], poses.has_pose)
 
 

@@ -15,6 +15,9 @@ from .._poses import WITH_POSE, Poses, Status, join_poses
 from .._recording import Recording
 from .._views import silhouette_areas
 
+# A joint less sure than this is as likely to be elsewhere.
+_DOUBTFUL = 0.5
+
 
 class StageTimes:
     """Seconds spent in each stage; those of the first batch, which compiles, apart."""
@@ -58,10 +61,6 @@ def progress_bar(what: str, total: int) -> tuple[Progress, TaskID]:
     return progress, progress.add_task(what, total=total)
 
 
-# A joint less sure than this is as likely to be elsewhere.
-_DOUBTFUL = 0.5
-
-
 def reconstruct_with_progress(
     recording: Recording, settings: Settings, times: StageTimes, jobs: int = 1
 ) -> tuple[Poses, Prepared]:
@@ -98,13 +97,13 @@ def summary(poses: Poses, times: StageTimes) -> str:
     notes = [f"{count} {name}" for name, count in poses.counts().items() if name != "ok"]
     with_pose = int(poses.has_pose.sum())
     kinds = f" ({', '.join(notes)})" if notes else ""
-    sure = f", confidence {np.median(poses.confidence[poses.has_pose].mean(1)):.2f}" if with_pose else ""
+    sure = f", confidence {poses.typical_confidence:.2f}" if with_pose else ""
     return f"{len(poses)} frames, {with_pose} with a pose, {len(poses) - with_pose} without{kinds}{sure}; {times}"
 
 
 def doubt(poses: Poses) -> str | None:
     """What to think of if most poses are not to be trusted."""
-    if not poses.has_pose.any() or np.median(poses.confidence[poses.has_pose].mean(1)) > _DOUBTFUL:
+    if not poses.has_pose.any() or poses.typical_confidence > _DOUBTFUL:
         return None
     return "most poses have a low confidence: do the silhouettes show more than the person, a chair for instance?"
 

@@ -12,7 +12,7 @@ from .._camera import Cameras
 from .._refine_cameras import FRAMES, RefinedCameras
 from .._refine_cameras import refine_cameras as refined
 from ..io import read_recording, write_calibration, write_pose2sim_calibration
-from ._run import Recorded
+from ._run import Recorded, check_output_file
 
 
 def refine_cameras(
@@ -27,6 +27,7 @@ def refine_cameras(
     """Turn and move cameras until the silhouettes agree; write the calibration, under the names of the views."""
     if output.suffix not in (".toml", ".npz"):
         raise ValueError(f"{output}: calibrations are written as .toml or .npz; choose such a name")
+    check_output_file(output)
     given = read_recording(source)
     if output.suffix == ".toml" and given.up != "+Z":
         raise ValueError(f"{output}: such files have no up axis, and this recording's is {given.up}; write a .npz")

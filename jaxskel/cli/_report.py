@@ -8,7 +8,7 @@ import typer
 from ..io import read_poses, read_recording
 from ..report import LIMIT, write_report
 from ._progress import progress_bar
-from ._run import Recorded
+from ._run import Recorded, check_output_file
 
 
 def report(
@@ -18,8 +18,7 @@ def report(
     limit: Annotated[float, typer.Option(min=0, help="Greatest size of the page (MB).")] = LIMIT / 1e6,
 ) -> None:
     """Write a page that plays the poses in 3D and over the silhouettes; it opens offline in any browser."""
-    if output.is_dir():
-        raise ValueError(f"{output}: the output must be a file, but this is a folder; choose another name")
+    check_output_file(output)
     recording, found = read_recording(source), read_poses(poses)
     progress, task = progress_bar("drawing outlines", len(found))
     with progress:

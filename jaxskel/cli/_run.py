@@ -99,3 +99,9 @@ def check_output(folder: Path) -> None:
     """Refuse an output that is no folder before any work is done."""
     if folder.exists() and not folder.is_dir():
         raise ValueError(f"{folder}: the output must be a folder, but this is a file; choose another name")
+
+
+def check_output_file(path: Path) -> None:
+    """Refuse an output that is no file before any work is done."""
+    if path.is_dir():
+        raise ValueError(f"{path}: the output must be a file, but this is a folder; choose another name")

@@ -87,6 +87,12 @@ def read_arrays(path: Path, required: tuple[str, ...], optional: tuple[str, ...]
         return arrays
 
 
+def keys_of(path: Path) -> list[str]:
+    """The arrays that an archive names."""
+    with _opened(path) as archive:
+        return list(_named(archive))
+
+
 def shape_of(path: Path, key: str) -> tuple[int, ...]:
     """The shape that an array claims, checked against the bytes that are there."""
     with _opened(path) as archive:
@@ -147,11 +153,15 @@ def _opened(path: Path) -> zipfile.ZipFile:
 def _members(
     path: Path, archive: zipfile.ZipFile, required: tuple[str, ...], optional: tuple[str, ...]
 ) -> dict[str, zipfile.ZipInfo]:
-    members = {i.filename[:-4]: i for i in archive.infolist() if i.filename.endswith(".npy")}
+    members = _named(archive)
     for key in required:
         if key not in members:
             raise fault(path, key, f"is missing; the file holds {', '.join(members) or 'no arrays'}")
     return {key: members[key] for key in (*required, *optional) if key in members}
+
+
+def _named(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
+    return {i.filename[:-4]: i for i in archive.infolist() if i.filename.endswith(".npy")}
 
 
 def _header(

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ._archive import fault
+from ._bounded import read_bounded
 
 _MAX_BYTES = 100_000
 
@@ -20,13 +21,7 @@ def read_toml(path: Path, known: Iterable[str], wanted: str, example: str) -> di
         wanted: What the file is, for messages.
         example: A line that such a file may hold, for messages.
     """
-    try:
-        with open(path, "rb") as file:
-            content = file.read(_MAX_BYTES + 1)
-    except OSError as error:
-        raise fault(path, None, f"cannot be opened ({error.strerror}); check the path") from None
-    if len(content) > _MAX_BYTES:
-        raise fault(path, None, f"is too long; give a TOML file with {wanted}")
+    content = read_bounded(path, _MAX_BYTES, f"a TOML file with {wanted}")
     try:
         table = tomllib.loads(content.decode())
     except (ValueError, RecursionError) as error:

@@ -41,7 +41,7 @@ from ..backgrounds import Cleaning
 from ._archive import fault
 from ._toml import check_known, read_toml
 from ._view_table import number, read_view, text
-from .calibrations import contents_of, read_calibration
+from .calibrations import contents_of, validated
 from .subject import read_subject
 from .views import View, ViewSilhouettes
 
@@ -107,7 +107,8 @@ def _calibrated(path: Path, table: dict[str, Any], views: list[View]) -> tuple[C
         if not (isinstance(size, list) and len(size) == 2 and all(type(n) is int and n > 0 for n in size)):
             raise fault(path, f"views.{view.name}.calibrated_size", f"is {reprlib.repr(size)}; give [width, height]")
         sizes[name] = (size[0], size[1])
-    for camera in contents_of(source).entries:
+    contents = contents_of(source)
+    for camera in contents.entries:
         if camera.size is not None and sizes.get(camera.name, camera.size) != camera.size:
             view = views[names.index(camera.name)].name
             (width, height), (w, h) = sizes[camera.name], camera.size
@@ -116,7 +117,7 @@ def _calibrated(path: Path, table: dict[str, Any], views: list[View]) -> tuple[C
                 f"its images are {width} x {height} px, but {source.name} is for {w:g} x {h:g}; where they were padded "
                 f"or cut at the right or at the bottom only, state calibrated_size = [{w:g}, {h:g}]",
             )  # fmt: skip
-    calibration = read_calibration(source, unit=unit, sizes=sizes)
+    calibration = validated(source, contents, unit, sizes)
     known = calibration.cameras.names
     for name, view in zip(names, views, strict=True):
         if name not in known:

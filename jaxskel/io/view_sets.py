@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from ._archive import shape_of
-from .calibrations import keys_of
+from ._archive import keys_of, shape_of
 from .views import VIDEO_SUFFIXES, is_image
 
 # Folders in folders are looked through down to here; nobody keeps a camera's images deeper.

@@ -1,9 +1,9 @@
 """Calibrations of other tools: one reader a format, one validated type out."""
 
-from ._archives import keys_of as keys_of
 from ._calibration import Calibration as Calibration
 from ._calibration import Contents as Contents
 from ._calibration import choose_views as choose_views
+from ._calibration import validated as validated
 from ._easymocap import write_easymocap_calibration as write_easymocap_calibration
 from ._read import contents_of as contents_of
 from ._read import read_calibration as read_calibration

@@ -2,27 +2,16 @@
 
 import io
 import math
-import zipfile
 from pathlib import Path
 
 import numpy as np
 
-from .._archive import fault, numbers, read_arrays, shape_of
+from .._archive import fault, keys_of, numbers, read_arrays, shape_of
+from .._bounded import read_bounded
 
 # Numbers of one array of a calibration: a thousand cameras' matrices are a hundredth of this.
 _MOST_NUMBERS = 1_000_000
-_MAX_BYTES = 16 << 20
-
-
-def keys_of(path: Path) -> list[str]:
-    """The arrays of an archive."""
-    try:
-        with zipfile.ZipFile(path) as archive:
-            return [name[:-4] for name in archive.namelist() if name.endswith(".npy")]
-    except OSError as error:
-        raise fault(path, None, f"cannot be opened ({error.strerror or error}); check the path") from None
-    except Exception:  # zipfile raises a dozen kinds on hostile bytes
-        raise fault(path, None, "is not a whole .npz archive; write numpy.savez") from None
+_MAX_BYTES = 16_000_000
 
 
 def checked_arrays(path: Path, required: tuple[str, ...], optional: tuple[str, ...]) -> dict[str, np.ndarray]:
@@ -45,13 +34,7 @@ def small_arrays(path: Path) -> dict[str, np.ndarray]:
 
 def read_array(path: Path) -> np.ndarray:
     """The numbers of an `.npy` file."""
-    try:
-        with open(path, "rb") as file:
-            content = file.read(_MAX_BYTES + 1)
-    except OSError as error:
-        raise fault(path, None, f"cannot be opened ({error.strerror}); check the path") from None
-    if len(content) > _MAX_BYTES:
-        raise fault(path, None, "is longer than 16 MB, too long for a calibration; check the path")
+    content = read_bounded(path, _MAX_BYTES, "a calibration")
     try:
         array = np.load(io.BytesIO(content), allow_pickle=False)
     except Exception as error:  # the header is a Python expression: hostile ones raise anything

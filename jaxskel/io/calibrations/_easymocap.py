@@ -4,7 +4,6 @@ import re
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ..._camera import Cameras
 from ..._files import written_whole
@@ -12,7 +11,7 @@ from .._archive import fault
 from ._calibration import CameraEntry, Contents, camera_fault
 from ._opencv import matrix_numbers
 from ._opencv_yaml import Value, read_opencv_yaml, yaml_matrix
-from ._text import from_vector, numbers
+from ._text import from_vector, numbers, to_vector
 
 PAIR = ("intri.yml", "extri.yml")
 # Files hold about six digits; a matrix and a vector of one rotation differ by less than this.
@@ -61,7 +60,7 @@ def write_easymocap_calibration(folder: str | Path, cameras: Cameras) -> None:
         width, height = cameras.size[i].tolist()
         intri += yaml_matrix(f"K_{name}", np.asarray(cameras.K[i])) + yaml_matrix(f"dist_{name}", dist[None, :5])
         intri += [f"H_{name}: {height}", f"W_{name}: {width}"]
-        extri += yaml_matrix(f"R_{name}", Rotation.from_matrix(R).as_rotvec()[:, None])
+        extri += yaml_matrix(f"R_{name}", to_vector(R))
         extri += yaml_matrix(f"Rot_{name}", R) + yaml_matrix(f"T_{name}", np.asarray(cameras.t[i])[:, None])
     for file_name, lines in zip(PAIR, (intri, extri), strict=True):
         with written_whole(Path(folder) / file_name) as file:

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-import scipy.linalg
 
 from .._archive import fault
 from ._archives import read_array, small_arrays
@@ -58,6 +57,8 @@ def _entry(path: Path, name: str, P: np.ndarray) -> CameraEntry:
     strengths = np.linalg.svd(left, compute_uv=False)
     if not strengths[-1] * _MOST_SQUEEZED > strengths[0] > _FAINTEST:
         raise camera_fault(path, name, "its matrix is no camera: the left 3 x 3 block is singular; give K (R | t)")
+    import scipy.linalg  # takes a while to import, and few have such files
+
     P = P / strengths[0]
     P = P * np.sign(np.linalg.det(P[:, :3]))
     K, R = scipy.linalg.rq(P[:, :3])

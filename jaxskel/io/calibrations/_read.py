@@ -3,9 +3,8 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from .._archive import fault
+from .._archive import fault, keys_of
 from . import _colmap, _easymocap
-from ._archives import keys_of
 from ._calibration import Calibration, Contents, validated
 from ._opencv import read_opencv
 from ._panoptic import read_panoptic

@@ -5,14 +5,15 @@ import reprlib
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from .._archive import fault
+from .._bounded import read_bounded
 from ._calibration import camera_fault
 
 # The largest calibrations (hundreds of cameras, or COLMAP's with its image points) are a tenth of this.
-_MAX_BYTES = 16 << 20
+_MAX_BYTES = 16_000_000
 # No length, focal length (px) or lens coefficient comes near this; refusing it keeps later squares finite.
 _MAX_NUMBER = 1e9
 
@@ -20,16 +21,7 @@ _MAX_NUMBER = 1e9
 def read_text(path: Path, most: int = _MAX_BYTES) -> str:
     """The text of a file of bearable size."""
     try:
-        with open(path, "rb") as file:
-            content = file.read(most + 1)
-    except OSError as error:
-        raise fault(path, None, f"cannot be opened ({error.strerror}); check the path") from None
-    except ValueError:  # a path with a zero in it
-        raise fault(path, None, "is not a path; check it") from None
-    if len(content) > most:
-        raise fault(path, None, f"is longer than {most >> 20} MB, too long for a calibration; check the path")
-    try:
-        return content.decode("utf-8-sig")
+        return read_bounded(path, most, "a calibration").decode("utf-8-sig")
     except UnicodeDecodeError:
         raise fault(path, None, "is not text (UTF-8), so it is no calibration; check the path") from None
 
@@ -81,7 +73,7 @@ def from_vector(path: Path, camera: str, key: str, vector: np.ndarray) -> np.nda
     # Half a turn is enough for any rotation and bundle adjustment may drift a little beyond; degrees go far beyond.
     if np.linalg.norm(vector) > 2 * np.pi:
         raise camera_fault(path, camera, f"{key} is not a rotation vector in radians: {vector.tolist()}")
-    return Rotation.from_rotvec(vector).as_matrix()
+    return cv2.Rodrigues(vector)[0]
 
 
 def from_quaternion(path: Path, camera: str, key: str, xyzw: np.ndarray) -> np.ndarray:
@@ -89,7 +81,17 @@ def from_quaternion(path: Path, camera: str, key: str, xyzw: np.ndarray) -> np.n
     length = np.linalg.norm(xyzw)
     if abs(length - 1) > 1e-3:
         raise camera_fault(path, camera, f"{key} is not a rotation: the quaternion has length {length:.4g}, not 1")
-    return Rotation.from_quat(xyzw).as_matrix()
+    x, y, z, w = xyzw / length
+    return np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ])  # fmt: skip
+
+
+def to_vector(R: np.ndarray) -> np.ndarray:
+    """The rotation vector of a matrix, shape (3, 1)."""
+    return cv2.Rodrigues(R)[0]
 
 
 def natural_order(name: str) -> list[tuple[int, int, str]]:

@@ -6,19 +6,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ..._camera import Cameras
 from ..._files import written_whole
 from .._archive import fault
 from ._calibration import CameraEntry, Contents, camera_fault
-from ._text import natural_order, numbers, read_text, rotation
+from ._text import natural_order, numbers, read_text, rotation, to_vector
 
 _KEYS = ("size", "matrix", "distortions", "rotation", "translation")
 _MILLIMETRE = 0.001
 # A camera takes 1 kB. The reader of TOML takes time by the square of the parts of a key, a.b.c: hours, for a file that
 # is nothing else, so lines are no longer than a camera, and tables no deeper than anybody's.
-_MAX_BYTES = 2 << 20
+_MAX_BYTES = 2_000_000
 _LONGEST_LINE = 4000
 _DEEPEST = 30
 
@@ -71,7 +70,6 @@ def write_pose2sim_calibration(path: str | Path, cameras: Cameras) -> None:
         cameras: The rig, in a world with Z up, as Pose2Sim takes it to be ([`Cameras.rotated`][] turns a world).
     """
     lines = []
-    vectors = Rotation.from_matrix(np.asarray(cameras.R)).as_rotvec()
     for i, name in enumerate(cameras.names):
         dist = np.asarray(cameras.dist[i])
         # As few as hold the lens: Pose2Sim writes four, and OpenCV takes five or eight in their place.
@@ -84,7 +82,7 @@ def write_pose2sim_calibration(path: str | Path, cameras: Cameras) -> None:
             f"size = {[float(n) for n in cameras.size[i]]}",
             f"matrix = {np.asarray(cameras.K[i]).tolist()}",
             f"distortions = {dist[:count].tolist()}",
-            f"rotation = {vectors[i].tolist()}",
+            f"rotation = {to_vector(np.asarray(cameras.R[i])).ravel().tolist()}",
             f"translation = {np.asarray(cameras.t[i]).tolist()}",
             "fisheye = false",
             "",

@@ -11,7 +11,7 @@ from ._calibration import camera_fault
 from ._text import read_text, split_numbers
 
 # A camera takes 3 kB; elements take a hundred times as much memory as text.
-_MAX_BYTES = 2 << 20
+_MAX_BYTES = 2_000_000
 
 
 def read_xml(path: Path) -> ElementTree.Element:
