@@ -97,11 +97,35 @@ def reconstruct_batches(
     """Reconstruct a recording batch by batch, in order: for long recordings and progress bars."""
     settings = settings or Settings()
     prepared = prepared or prepare(recording, settings)
-    track = None
-    for start in range(0, len(recording), BATCH):
+    for poses, _ in batches_from(0, None, recording, settings, prepared, stopwatch):
+        yield poses
+
+
+def batches_from(
+    first: int,
+    track: Track | None,
+    recording: Recording,
+    settings: Settings,
+    prepared: Prepared,
+    stopwatch: Stopwatch = lambda _: nullcontext(),
+) -> Iterator[tuple[Poses, Track | None]]:
+    """Reconstruct a recording batch by batch, from a frame on.
+
+    Args:
+        first: Frame to begin with, counted from 0: a multiple of `BATCH`.
+        track: What came with the batch before, None at the beginning.
+        recording: Silhouettes and cameras.
+        settings: How to reconstruct.
+        prepared: What `prepare` found for this recording and these settings.
+        stopwatch: Told the stages.
+
+    Returns:
+        Poses of the batches, each with what the next one goes on with.
+    """
+    for start in range(first, len(recording), BATCH):
         part = slice(start, start + BATCH)
         poses, track = reconstruct_batch(recording.silhouettes[part], recording, prepared, settings, stopwatch, track)
-        yield eqx.tree_at(lambda p: p.frame_index, poses, recording.frame_index[part])
+        yield eqx.tree_at(lambda p: p.frame_index, poses, recording.frame_index[part]), track
 
 
 def reconstruct(recording: Recording, settings: Settings | None = None) -> Poses:

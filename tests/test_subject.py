@@ -148,7 +148,7 @@ def test_wrong_subject_names_file_key_and_remedy(tmp_path, what):
 
 @pytest.mark.parametrize(
     ("content", "remedy"),
-    [(b"stature: 1.75", "is not TOML"), (b"\xff\xfe", "is not TOML"), (b"#" * 200_000, "is longer than 0.1 MB, too long"),
+    [(b"stature: 1.75", "is not TOML"), (b"\xff\xfe", "is not TOML"), (b"#" * 200_000, "is longer than 0.1 MB"),
      (b"a = " + b"[" * 90_000, "is not TOML")],
 )  # fmt: skip
 def test_not_toml(tmp_path, content, remedy):

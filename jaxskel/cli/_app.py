@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from ._batch import batch
 from ._cache import keep_compiled
 from ._calibrate_body import calibrate_body
 from ._calibrate_cameras import calibrate_cameras
@@ -17,6 +18,7 @@ from ._init import init
 from ._refine_cameras import refine_cameras
 from ._report import report
 from ._run import run
+from ._summary import summary
 from ._view import view
 
 app = typer.Typer(
@@ -28,6 +30,8 @@ app = typer.Typer(
 app.command()(demo)
 app.command()(init)
 app.command()(run)
+app.command()(batch)
+app.command()(summary)
 app.command()(evaluate)
 app.command()(check)
 app.command()(calibrate_cameras)

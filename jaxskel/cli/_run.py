@@ -6,21 +6,27 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
-import equinox as eqx
 import numpy as np
 import typer
 
+from .._advice import advice
 from .._settings import Settings, paper_settings
 from .._smooth import smooth
 from .._track import Tracking
-from ..io import read_body, read_recording, read_subject, write_poses
-from ._progress import StageTimes, advice, doubt, reconstruct_with_progress, summary
+from ..batch import Method
+from ..io import write_poses
+from ._progress import StageTimes, doubt, reconstruct_with_progress, summary
 
 Recorded = Annotated[Path, typer.Argument(metavar="RECORDING", help="Folder with a recording.toml, or sequence file.")]
 Spacing = Annotated[float, typer.Option(help="Edge length of a voxel (m).")]
 Box = Annotated[
     tuple[float, float, float, float, float, float] | None,
     typer.Option(help="Lower x, y, z and upper x, y, z of what to carve, in the input's world (m)."),
+]
+Subject = Annotated[Path | None, typer.Option(help="TOML file with the subject's dimensions.")]
+Track = Annotated[bool, typer.Option("--track", help="Frames are consecutive: follow the person.")]
+Smooth = Annotated[
+    float | None, typer.Option("--smooth", help="Low-pass filter the poses with this cutoff (Hz); off by default.")
 ]
 
 
@@ -43,33 +49,20 @@ MaxMisses = Annotated[
 def run(
     source: Recorded,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write to.")],
-    subject: Annotated[Path | None, typer.Option(help="TOML file with the subject's dimensions.")] = None,
+    subject: Subject = None,
     spacing: Spacing = 0.015,
     max_misses: MaxMisses = None,
     box: Box = None,
     preset: PresetOption = Preset.DEFAULT,
-    track: Annotated[bool, typer.Option("--track", help="Frames are consecutive: follow the person.")] = False,
+    track: Track = False,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Processes at once, each on a core of its own.")] = 1,
-    smooth_hz: Annotated[
-        float | None, typer.Option("--smooth", help="Low-pass filter the poses with this cutoff (Hz); off by default.")
-    ] = None,
+    smooth_hz: Smooth = None,
 ) -> None:
     """Reconstruct every frame; write poses.npz and poses.csv."""
-    if track and preset is Preset.PAPER:
-        raise ValueError("--track: the paper's method treats each frame by itself; leave out --track or --preset")
-    recording = read_recording(source)
-    if subject is not None:
-        recording = eqx.tree_at(
-            lambda r: r.skeleton, recording, read_subject(subject), is_leaf=lambda leaf: leaf is None
-        )
+    method = Method(make_settings(preset, spacing, max_misses, box, track), smooth_hz, subject)
+    recording = method.read(source)
     check_output(output)
-    if smooth_hz is not None and not 0 < smooth_hz < recording.fps / 2:
-        raise ValueError(f"--smooth {smooth_hz:g}: give a cutoff between 0 and {recording.fps / 2:g} Hz, half the rate")
-    settings = make_settings(preset, spacing, max_misses, box)
-    if track:
-        settings = replace(settings, tracking=Tracking())
-    if subject is not None:
-        settings = replace(settings, body=read_body(subject))
+    settings = method.settings_for_subject()
     times = StageTimes()
     poses, prepared = reconstruct_with_progress(recording, settings, times, jobs)
     if smooth_hz is not None:
@@ -87,12 +80,17 @@ def run(
         raise typer.Exit(1)
 
 
-def make_settings(preset: Preset, spacing: float, max_misses: int | None, box: tuple[float, ...] | None) -> Settings:
+def make_settings(
+    preset: Preset, spacing: float, max_misses: int | None, box: tuple[float, ...] | None, track: bool = False
+) -> Settings:
     """Settings from options."""
+    if track and preset is Preset.PAPER:
+        raise ValueError("--track: the paper's method treats each frame by itself; leave out --track or --preset")
     base = paper_settings() if preset is Preset.PAPER else Settings()
     corners = None if box is None else np.array(box, np.float64).reshape(2, 3)
     misses = base.max_misses if max_misses is None else max_misses
-    return replace(base, spacing=spacing, max_misses=misses, box=corners)
+    tracking = Tracking() if track else None
+    return replace(base, spacing=spacing, max_misses=misses, box=corners, tracking=tracking)
 
 
 def check_output(folder: Path) -> None:

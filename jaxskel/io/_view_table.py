@@ -65,11 +65,20 @@ def read_view(path: Path, name: str, table: Mapping[str, Any], fps: float, clean
 
 def open_frames(path: Path, key: str, value: Any) -> Frames:
     """The images that a value names: a folder, a video, or ``archive.npz:key``."""
-    archive, colon, member = text(path, key, value).rpartition(":")
-    if colon and archive.endswith(".npz"):
-        return MaskArchive(path.parent / archive, member)
-    place = path.parent / value
+    place = place_of(path.parent, text(path, key, value))
+    if _is_member(value):
+        return MaskArchive(place, value.rpartition(":")[2])
     return ImageFolder(place) if place.is_dir() else Video(place)
+
+
+def place_of(folder: Path, value: str) -> Path:
+    """The file or folder that a value names."""
+    return folder / (value.rpartition(":")[0] if _is_member(value) else value)
+
+
+def _is_member(value: str) -> bool:
+    archive, colon, _ = value.rpartition(":")
+    return bool(colon) and archive.endswith(".npz")
 
 
 def text(path: Path, key: str, value: Any) -> str:

@@ -46,6 +46,7 @@ from .subject import read_subject
 from .views import View, ViewSilhouettes
 
 RECORDING_FILE = "recording.toml"
+SUBJECT_FILE = "subject.toml"
 KEYS = ("fps", "calibration", "up", "unit", "frames", "subject", "views", "cleaning")
 
 
@@ -71,7 +72,7 @@ def read_folder(folder: Path, in_memory: int) -> Recording:
     cameras, up = _calibrated(path, table, views)
     first, last = _span(path, table, views)
     numbers = np.arange(first, last + 1)
-    subject = table.get("subject", "subject.toml" if (folder / "subject.toml").is_file() else None)
+    subject = table.get("subject", SUBJECT_FILE if (folder / SUBJECT_FILE).is_file() else None)
     return Recording(
         cameras=cameras,
         silhouettes=ViewSilhouettes(views, numbers, in_memory),

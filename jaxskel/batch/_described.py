@@ -1,0 +1,30 @@
+"""Settings as plain data, the same in every process, to be written down and compared."""
+
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+
+def described(value: Any) -> Any:
+    """A value as JSON holds it; modules by their class and fields, functions and classes by their names."""
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, np.ndarray | np.generic | jax.Array):
+        return np.asarray(value).tolist()
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, dict):
+        return {str(key): described(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [described(each) for each in value]
+    if is_dataclass(value) and not isinstance(value, type):
+        held = {field.name: described(getattr(value, field.name)) for field in fields(value)}
+        return {"class": _name(type(value))} | held
+    return _name(value if hasattr(value, "__qualname__") else type(value))
+
+
+def _name(value: Any) -> str:
+    return f"{value.__module__}.{value.__qualname__}"

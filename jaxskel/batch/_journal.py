@@ -1,0 +1,90 @@
+"""Poses on the disk as they come, so that a recording goes on where it broke off."""
+
+import hashlib
+import shutil
+import zlib
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+from .._files import written_whole
+from .._poses import Poses
+from .._skeleton import Pose
+from .._track import Track
+from ..io._archive import numbers, read_arrays, texts
+
+_ROW = np.dtype([
+    ("joints", "<f4", (15, 3)), ("tips", "<f4", (5, 3)), ("confidence", "<f4", (15,)), ("side_confidence", "<f4"),
+    ("status", "<i8"), ("frame_index", "<i8"),
+])  # fmt: skip
+_NOWHERE = Pose(np.zeros(3), np.zeros((17, 3, 3)))
+_TRACK = jax.tree.structure(Track(_NOWHERE, _NOWHERE, 0, np.zeros(0)))
+
+
+class Journal:
+    """A folder with the poses of a recording's frames so far.
+
+    A file of rows grows; another one, replaced whole, says how many of them count and what the next batch goes on
+    with. What was written for other work, or is damaged, is thrown away.
+    """
+
+    def __init__(self, folder: Path, work: str):
+        """Open the folder, or make it.
+
+        Args:
+            folder: The folder. Nothing else is in it.
+            work: What the poses depend on: anything that is the same only if they are.
+        """
+        self.folder = folder
+        self._rows, self._state = folder / "rows.bin", folder / "state.npz"
+        self._work = hashlib.sha256(work.encode(errors="surrogateescape")).hexdigest()
+        self.frames, self._digest, self.track = 0, 0, None
+        try:
+            self._resume()
+        except (OSError, ValueError):
+            self.frames, self._digest, self.track = 0, 0, None
+            shutil.rmtree(folder, ignore_errors=True)
+            folder.mkdir(parents=True)
+        with open(self._rows, "ab") as file:
+            file.truncate(self.frames * _ROW.itemsize)
+
+    def append(self, poses: Poses, track: Track | None) -> None:
+        """Add the next frames, and what the ones after them go on with."""
+        rows = np.zeros(len(poses), _ROW)
+        for name in _ROW.names or ():
+            rows[name] = getattr(poses, name)
+        content = rows.tobytes()
+        with open(self._rows, "ab") as file:
+            file.write(content)
+        self.frames += len(poses)
+        self._digest = zlib.crc32(content, self._digest)
+        self.track = track
+        state: dict[str, Any] = {"work": self._work, "frames": self.frames, "digest": self._digest}
+        if track is not None:
+            state |= {f"track{i}": leaf for i, leaf in enumerate(jax.tree.leaves(track))}
+        with written_whole(self._state) as file:
+            np.savez(file, **state)
+
+    def poses(self, fps: float, up: str) -> Poses:
+        """All poses so far."""
+        rows = np.fromfile(self._rows, _ROW)
+        return Poses(**{name: rows[name] for name in _ROW.names or ()}, fps=fps, up=up)
+
+    def _resume(self) -> None:
+        leaves = tuple(f"track{i}" for i in range(_TRACK.num_leaves))
+        arrays = read_arrays(self._state, ("work", "frames", "digest"), leaves)
+        frames, digest = (int(numbers(self._state, arrays, key, ())) for key in ("frames", "digest"))
+        with open(self._rows, "rb") as file:
+            found = 0
+            for _ in range(frames):
+                found = zlib.crc32(file.read(_ROW.itemsize), found)
+        if texts(self._state, arrays, "work") != [self._work] or found != digest:
+            raise ValueError(f"{self.folder}: the poses of other work, or damaged ones")
+        self.frames, self._digest = frames, digest
+        if leaves[0] in arrays:
+            track = jax.tree.unflatten(_TRACK, [arrays[key] for key in leaves])
+            # Numbers that were Python's are so again: JAX compiles anew for others.
+            self.track = replace(track, since=int(track.since), sides=float(track.sides))

@@ -1,0 +1,134 @@
+"""What a result was made of, by what, and what became of it: `manifest.json`."""
+
+import json
+import socket
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from datetime import UTC, datetime
+from enum import StrEnum
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from .._files import written_whole
+from .._kept import digest_of_code
+from .._poses import Poses
+from ..io._archive import fault
+from ..io._bounded import read_bounded
+from ._inputs import Input, same_contents
+
+MANIFEST_FILE = "manifest.json"
+# A result depends on these too, but a new release of one of them is no reason to compute it again.
+_LIBRARIES = ("jax", "jaxlib", "optimistix", "equinox", "numpy", "scipy", "opencv-python-headless")
+_MAX_BYTES = 10_000_000
+
+
+class Outcome(StrEnum):
+    """What became of a recording."""
+
+    DONE = "done"
+    NO_POSE = "no pose"
+    """Done, but without a pose in any frame."""
+    FAILED = "failed"
+
+
+@dataclass(frozen=True)
+class Work:
+    """What a result depends on: where it is the same, the result is."""
+
+    source: str
+    inputs: Mapping[str, Input]
+    method: Mapping[str, Any]
+    version: str
+
+    def same(self, other: "Work") -> bool:
+        """Whether the result is the same; where a recording lies does not matter."""
+        mine, theirs = (self.method, self.version), (other.method, other.version)
+        return mine == theirs and same_contents(self.inputs, other.inputs)
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """What a result was made of, by what, and what became of it."""
+
+    outcome: Outcome
+    work: Work
+    problem: str | None = None
+    """What was wrong, in one line."""
+    trace: str | None = None
+    """Where a failure came from that this package did not foresee."""
+    frames: int = 0
+    with_pose: int = 0
+    counts: Mapping[str, int] = field(default_factory=dict)
+    """Frames of each status."""
+    confidence: float | None = None
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    """Time that each part of the work took (s)."""
+    resumed: int = 0
+    """Frames that were there already when the work was last taken up."""
+    finished: str = ""
+    host: str = ""
+    libraries: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def fps(self) -> float | None:
+        """Frames per second of the reconstruction."""
+        seconds, frames = self.seconds.get("reconstruct", 0.0), self.frames - self.resumed
+        return frames / seconds if seconds > 0 and frames > 0 else None
+
+
+def done(work: Work, poses: Poses, problem: str | None, seconds: Mapping[str, float], resumed: int) -> Manifest:
+    """The manifest of a recording whose poses are there; `problem` where no frame has one."""
+    sure = poses.typical_confidence
+    return _stamped(Manifest(
+        Outcome.NO_POSE if problem else Outcome.DONE, work, problem,
+        frames=len(poses), with_pose=int(poses.has_pose.sum()), counts=poses.counts(),
+        confidence=round(sure, 4) if sure == sure else None,
+        seconds={name: round(value, 3) for name, value in seconds.items()}, resumed=resumed,
+    ))  # fmt: skip
+
+
+def failed(work: Work, problem: str, trace: str | None = None) -> Manifest:
+    """The manifest of a recording that failed."""
+    return _stamped(Manifest(Outcome.FAILED, work, " ".join(problem.split()), trace))
+
+
+def current_version() -> str:
+    """The package's version; while it is developed, with a digest of its code."""
+    number = version("jaxskel")
+    return f"{number}+{digest_of_code()[:12]}" if "dev" in number else number
+
+
+def write_manifest(path: Path, manifest: Manifest) -> None:
+    """Write a manifest as JSON."""
+    with written_whole(path) as file:
+        file.write((json.dumps(asdict(manifest), indent=1) + "\n").encode())
+
+
+def read_manifest(path: Path) -> Manifest:
+    """Read a manifest.
+
+    Raises:
+        ValueError: One line that names the file and how to mend it.
+    """
+    content = read_bounded(path, _MAX_BYTES, "a manifest")
+    try:
+        table: dict[str, Any] = json.loads(content)
+        work = table["work"]
+        inputs = {str(name): Input(**each) for name, each in work["inputs"].items()}
+        found = Manifest(**table | {"outcome": Outcome(table["outcome"]), "work": Work(**work | {"inputs": inputs})})
+        numbers = (found.frames, found.with_pose, found.resumed, *found.counts.values(), *found.seconds.values())
+        if not all(isinstance(number, int | float) for number in numbers):
+            raise ValueError("counts and times that are no numbers")
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        raise fault(path, None, f"is no manifest of a batch ({error}); delete it and run again") from None
+    return found
+
+
+def _stamped(manifest: Manifest) -> Manifest:
+    return replace(
+        manifest,
+        finished=datetime.now(UTC).isoformat(timespec="seconds"),
+        host=socket.gethostname(),
+        libraries={name: version(name) for name in _LIBRARIES},
+    )

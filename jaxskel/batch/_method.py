@@ -1,0 +1,47 @@
+"""How the recordings of a batch are reconstructed."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+
+from .._recording import Recording
+from .._settings import Settings
+from ..io import read_body, read_recording, read_subject
+from ._described import described
+
+
+@dataclass(frozen=True)
+class Method:
+    """How the recordings of a batch are reconstructed. It is sent to other processes, so it must be pickled."""
+
+    settings: Settings = field(default_factory=Settings)
+    smooth_hz: float | None = None
+    """Cutoff of the low-pass filter over the finished poses (Hz); None: not filtered."""
+    subject: Path | None = None
+    """TOML file with the dimensions of the one subject of all recordings; None: each has its own, or none."""
+
+    def read(self, source: Path) -> Recording:
+        """Read a recording, with the subject that is given."""
+        recording = read_recording(source)
+        if self.smooth_hz is not None and not 0 < self.smooth_hz < recording.fps / 2:
+            raise ValueError(
+                f"{source}: a cutoff of {self.smooth_hz:g} Hz; give one between 0 and {recording.fps / 2:g} Hz, half "
+                "the rate"
+            )
+        if self.subject is None:
+            return recording
+        skeleton = read_subject(self.subject)
+        return eqx.tree_at(lambda r: r.skeleton, recording, skeleton, is_leaf=lambda leaf: leaf is None)
+
+    def settings_for_subject(self) -> Settings:
+        """The settings, with the body of the subject that is given."""
+        if self.subject is None:
+            return self.settings
+        body = read_body(self.subject)
+        return eqx.tree_at(lambda s: s.body, self.settings, body, is_leaf=lambda leaf: leaf is None)
+
+    def described(self) -> dict[str, Any]:
+        """What of it decides the poses, as plain data; the subject's file counts as an input."""
+        return {"settings": described(self.settings), "smooth_hz": self.smooth_hz}

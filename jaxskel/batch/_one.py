@@ -1,0 +1,130 @@
+"""One recording of a batch, from its files to its result."""
+
+import json
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, replace
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+from .._advice import advice
+from .._pipeline import batches_from
+from .._prepare import prepare
+from .._smooth import smooth
+from ..io.inputs import input_paths
+from ._folders import ResultFolder
+from ._inputs import read_inputs
+from ._manifest import Manifest, Work, current_version, done, failed
+from ._method import Method
+from ._sources import Source
+
+# Another process that is about to end lets go of a recording within this time (s).
+_PATIENCE = 10.0
+
+
+def finished_before(source: Source, output: Path, method: Method) -> Manifest | None:
+    """The manifest of a recording whose result is there, whole, and would be the same again."""
+    found = ResultFolder(output, source.name).finished()
+    if found is None:
+        return None
+    try:
+        wanted = _work(source, method, found.work)
+    except OSError:
+        return None
+    return found if wanted.same(found.work) else None
+
+
+def reconstruct_one(
+    source: Source,
+    output: Path,
+    method: Method,
+    force: bool = False,
+    on_frames: Callable[[int, int], None] = lambda done, total: None,
+) -> Manifest:
+    """Reconstruct a recording, or go on with it, and put the result in its place.
+
+    Args:
+        source: The recording.
+        output: Folder of the results.
+        method: How to reconstruct.
+        force: Compute again what is there already.
+        on_frames: Called with the number of frames done and of all frames.
+
+    Returns:
+        The manifest of the result. Whatever goes wrong, it says so: nothing is raised for a recording's sake.
+    """
+    folder = ResultFolder(output, source.name)
+    work = Work(str(source.path), {}, method.described(), current_version())
+    try:
+        folder.lock.parent.mkdir(parents=True, exist_ok=True)
+        with FileLock(folder.lock, timeout=_PATIENCE):
+            before = None if force else finished_before(source, output, method)
+            if before is not None:
+                return before
+            work = _work(source, method)
+            return _reconstructed(source, folder, work, method, force, on_frames)
+    except Timeout:
+        return failed(work, f"{source.path}: another process works on it; wait for that one")
+    except (ValueError, OSError, MemoryError) as error:
+        return _recorded(folder, failed(work, str(error) or type(error).__name__))
+    except Exception as error:  # a defect of this package: the other recordings go on
+        told = f"{source.path}: {type(error).__name__}: {error}; please report it, {folder.failure.name} says more"
+        return _recorded(folder, failed(work, told, traceback.format_exc()))
+
+
+def _reconstructed(
+    source: Source,
+    folder: ResultFolder,
+    work: Work,
+    method: Method,
+    force: bool,
+    on_frames: Callable[[int, int], None],
+) -> Manifest:
+    seconds: dict[str, float] = {}
+    with _timed(seconds, "read"):
+        recording = method.read(source.path)
+    on_frames(0, len(recording))
+    with _timed(seconds, "prepare"):
+        settings = method.settings_for_subject()
+        prepared = prepare(recording, settings)
+    journal = folder.journal(json.dumps(asdict(replace(work, source=""))))
+    resumed = 0 if force else journal.frames
+    with _timed(seconds, "reconstruct"):
+        for poses, track in batches_from(resumed, journal.track, recording, settings, prepared):
+            journal.append(poses, track)
+            on_frames(journal.frames, len(recording))
+    with _timed(seconds, "write"):
+        poses = journal.poses(recording.fps, recording.up)
+        if method.smooth_hz is not None:
+            poses = smooth(poses, method.smooth_hz)
+        told = advice(poses, recording)
+        problem = None if told is None else f"{source.path}: {told}"
+        manifest = done(work, poses, problem, seconds, resumed)
+        folder.finish(poses, manifest)
+    return manifest
+
+
+def _work(source: Source, method: Method, known: Work | None = None) -> Work:
+    paths = input_paths(source.path)
+    if method.subject is not None:
+        paths["--subject"] = method.subject
+    inputs = read_inputs(paths, None if known is None else known.inputs)
+    return Work(str(source.path), inputs, method.described(), current_version())
+
+
+def _recorded(folder: ResultFolder, manifest: Manifest) -> Manifest:
+    try:
+        folder.fail(manifest)
+    except OSError:  # the disk may be what failed
+        pass
+    return manifest
+
+
+@contextmanager
+def _timed(seconds: dict[str, float], part: str) -> Iterator[None]:
+    start = time.perf_counter()
+    yield
+    seconds[part] = time.perf_counter() - start

@@ -1,0 +1,140 @@
+"""Processes that work on recordings, each on a core of its own; one that dies harms its own recording only."""
+
+import os
+import pickle
+import signal
+import threading
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from multiprocessing import get_context
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
+from typing import Any
+
+from .._parallel import take_core
+from ._manifest import Manifest, Work, current_version, failed
+from ._method import Method
+from ._one import reconstruct_one
+from ._sources import Source
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Frames of a recording that are done, and all of them."""
+
+    source: Source
+    done: int
+    total: int
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A recording that has a result, or has failed."""
+
+    source: Source
+    manifest: Manifest
+
+
+def work_on(
+    sources: Sequence[Source], output: Path, method: Method, jobs: int, force: bool = False
+) -> Iterator[Progress | Finished]:
+    """Work on recordings in some processes at once, and tell how it goes.
+
+    Processes are spawned: a script that calls this needs ``if __name__ == "__main__":``. They end with this one,
+    whatever becomes of it.
+    """
+    waiting = iter(sources)
+    given = pickle.dumps((output, method, force))
+    crew = [_Worker(core, given) for core in range(min(jobs, len(sources)))]
+    try:
+        for worker in crew:
+            worker.begin(next(waiting))
+        while busy := [worker for worker in crew if worker.source is not None]:
+            ready = wait([worker.pipe for worker in busy])
+            for worker in busy:
+                if worker.pipe not in ready:
+                    continue
+                event = worker.receive()
+                if event is None:
+                    assert worker.source is not None
+                    event = Finished(worker.source, _killed(worker.source, method, worker.end()))
+                    crew[crew.index(worker)] = worker = _Worker(worker.core, given)
+                if isinstance(event, Finished):
+                    worker.begin(next(waiting, None))
+                yield event
+    finally:
+        for worker in crew:
+            worker.end()
+
+
+def _killed(source: Source, method: Method, code: int | None) -> Manifest:
+    how = f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
+    return failed(
+        Work(str(source.path), {}, method.described(), current_version()),
+        f"{source.path}: its process was killed ({how}), perhaps for want of memory: each takes 1 to 2 GB; give fewer "
+        "jobs and run again",
+    )
+
+
+class _Worker:
+    """A process, and what it works on."""
+
+    source: Source | None
+
+    def __init__(self, core: int, given: bytes):
+        context = get_context("spawn")
+        self.core, self.source = core, None
+        self.pipe, theirs = context.Pipe()
+        # Only this process holds the other end: it is closed when this one is gone, killed or not.
+        alive, self._alive = context.Pipe(duplex=False)
+        self.process = context.Process(target=_work, args=(core, given, theirs, alive))
+        self.process.start()
+        theirs.close()
+        alive.close()
+
+    def begin(self, source: Source | None) -> None:
+        """Give the process a recording, or none, if there is none left."""
+        self.source = source
+        if source is not None:
+            try:
+                self.pipe.send(source)
+            except OSError:  # it is dead already: `receive` will say so
+                pass
+
+    def receive(self) -> Progress | Finished | None:
+        """What the process says next; None if it is dead."""
+        try:
+            return self.pipe.recv()
+        except (EOFError, OSError):
+            return None
+
+    def end(self) -> int | None:
+        """End the process and return its exit code."""
+        self.process.terminate()
+        self.process.join()
+        self.pipe.close()
+        self._alive.close()
+        return self.process.exitcode
+
+
+def _work(core: int, given: bytes, pipe: Connection, alive: Connection) -> None:
+    # An interrupt at the keyboard goes to all processes; what becomes of these is for the first one to say.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with, args=(alive,), daemon=True).start()
+    take_core(core)
+    output, method, force = pickle.loads(given)
+    while True:
+        source = pipe.recv()
+
+        def on_frames(done: int, total: int, source: Source = source) -> None:
+            pipe.send(Progress(source, done, total))
+
+        pipe.send(Finished(source, reconstruct_one(source, output, method, force, on_frames)))
+
+
+def _end_with(alive: Any) -> None:
+    try:
+        alive.recv_bytes()
+    except (EOFError, OSError):
+        pass
+    os._exit(1)

@@ -1,0 +1,162 @@
+"""`jaxskel batch`: many recordings to poses."""
+
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+from types import FrameType
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from ..batch import BatchResult, Finished, Manifest, Method, Outcome, Shard, find_sources, run_batch
+from ..batch import Progress as Frames
+from ..io import read_subject
+from ._run import Box, MaxMisses, Preset, PresetOption, Smooth, Spacing, Subject, Track, check_output, make_settings
+
+_PROCESS = 2 << 30  # bytes that a process may take
+
+
+def batch(
+    inputs: Annotated[
+        list[str],
+        typer.Argument(metavar="INPUTS...", help="Recordings, folders of them, patterns, or text files with a list."),
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write to: a folder for each recording.")],
+    jobs: Annotated[
+        int | None,
+        typer.Option("--jobs", "-j", min=1, help="Processes at once. Default: by cores and memory."),
+    ] = None,
+    shard: Annotated[str | None, typer.Option(metavar="I/N", help="Only the I-th of N parts.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Compute again what is done.")] = False,
+    subject: Subject = None,
+    spacing: Spacing = 0.015,
+    max_misses: MaxMisses = None,
+    box: Box = None,
+    preset: PresetOption = Preset.DEFAULT,
+    track: Track = False,
+    smooth_hz: Smooth = None,
+) -> None:
+    """Reconstruct many recordings; run again, it goes on with what is not done or has changed."""
+    check_output(output)
+    sources = find_sources(inputs)
+    if shard is not None:
+        sources = _shard(shard).part(sources)
+    settings = make_settings(preset, spacing, max_misses, box, track)
+    if subject is not None:
+        read_subject(subject)  # a fault of it is no recording's
+    method = Method(settings, smooth_hz, subject)
+    signal.signal(signal.SIGTERM, _stop)
+    begin = time.monotonic()
+    try:
+        with _Display(len(sources)) as display:
+            found = run_batch(
+                sources, output, method, jobs or _usable_cores(), force, on_event=display.event, on_start=display.start
+            )
+    except KeyboardInterrupt:
+        print(f"jaxskel: {output}: interrupted; the same command goes on from here", file=sys.stderr)
+        raise typer.Exit(130) from None
+    problems = found.unsuccessful
+    if problems:
+        Console().print(_problems(problems))
+    print(_summary(output, found, time.monotonic() - begin))
+    if problems:
+        raise typer.Exit(1)
+
+
+class _Display:
+    """A progress bar on a terminal, otherwise a line for each recording, both on standard error."""
+
+    def __init__(self, total: int):
+        self._console = Console(stderr=True)
+        self._progress = Progress(
+            TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+            TimeRemainingColumn(), console=self._console, refresh_per_second=2, speed_estimate_period=600,
+        )  # fmt: skip
+        self._total, self._done, self._failed = total, 0, 0
+        self._parts: dict[str, float] = {}
+        self._task = self._progress.add_task("recordings", total=total)
+
+    def __enter__(self) -> "_Display":
+        if self._console.is_terminal:
+            self._progress.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._progress.stop()
+
+    def start(self, before: int) -> None:
+        """Leave out what is done."""
+        self._total -= before
+        self._progress.reset(self._task, total=self._total)
+        if before:
+            self._console.print(f"{before} recordings are done already", highlight=False)
+
+    def event(self, event: Frames | Finished) -> None:
+        """Show how far it is."""
+        if isinstance(event, Frames):
+            self._parts[event.source.name] = event.done / max(event.total, 1)
+        else:
+            self._parts.pop(event.source.name, None)
+            self._done += 1
+            self._failed += event.manifest.outcome is Outcome.FAILED
+            if not self._console.is_terminal:
+                told = f"[{self._done}/{self._total}] {event.source.name}: {_told(event.manifest)}"
+                print(told, file=sys.stderr, flush=True)
+        failed = f", {self._failed} failed" if self._failed else ""
+        done = self._done + sum(self._parts.values())
+        self._progress.update(self._task, completed=done, description=f"recordings{failed}")
+
+
+def _told(manifest: Manifest) -> str:
+    if manifest.outcome is Outcome.FAILED:
+        return f"failed: {manifest.problem}"
+    fps = "" if manifest.fps is None else f", {manifest.fps:.1f} fps"
+    resumed = f", {manifest.resumed} of them before" if manifest.resumed else ""
+    return f"{manifest.frames} frames{resumed}, {manifest.with_pose} with a pose{fps}"
+
+
+def _problems(problems: dict[str, Manifest]) -> Table:
+    table = Table(title="without a result to use")
+    for column in ("recording", "outcome", "cause"):
+        table.add_column(column, overflow="fold")
+    for name, manifest in problems.items():
+        table.add_row(name, manifest.outcome, manifest.problem)
+    return table
+
+
+def _summary(output: Path, found: BatchResult, seconds: float) -> str:
+    failed = sum(m.outcome is Outcome.FAILED for m in found.now.values())
+    empty = len(found.unsuccessful) - failed
+    every = len(found.before) + len(found.now)
+    kinds = (f", {empty} without a pose" if empty else "") + (f", {failed} failed" if failed else "")
+    frames = sum(m.frames - m.resumed for m in found.now.values())
+    return (
+        f"{output}: {every} recordings, {every - failed - empty} done ({len(found.before)} of them before){kinds}; "
+        f"{frames} frames in {seconds:.0f} s"
+    )
+
+
+def _shard(text: str) -> Shard:
+    number, slash, of = text.partition("/")
+    if not (slash and number.isdecimal() and of.isdecimal()):
+        raise ValueError(f"--shard {text}: give the number of the part and how many there are, such as 1/4")
+    return Shard(int(number), int(of))
+
+
+def _usable_cores() -> int:
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    try:
+        fitting = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // _PROCESS
+    except (AttributeError, OSError, ValueError):
+        return cores
+    return max(1, min(cores, fitting))
+
+
+def _stop(number: int, frame: FrameType | None) -> None:
+    """Ended by a scheduler: as by a person at the keyboard."""
+    raise KeyboardInterrupt
