@@ -20,6 +20,7 @@ _ROW = np.dtype([
     ("joints", "<f4", (15, 3)), ("tips", "<f4", (5, 3)), ("confidence", "<f4", (15,)), ("side_confidence", "<f4"),
     ("status", "<i8"), ("frame_index", "<i8"),
 ])  # fmt: skip
+ROW_BYTES = _ROW.itemsize
 _NOWHERE = Pose(np.zeros(3), np.zeros((17, 3, 3)))
 _TRACK = jax.tree.structure(Track(_NOWHERE, _NOWHERE, 0, np.zeros(0)))
 
@@ -62,7 +63,7 @@ class Journal:
         self.frames += len(poses)
         self._digest = zlib.crc32(content, self._digest)
         self.track = track
-        state: dict[str, Any] = {"work": self._work, "frames": self.frames, "digest": self._digest}
+        state: dict[str, Any] = {"work": self._work, "frames": self.frames, "digest": str(self._digest)}
         if track is not None:
             state |= {f"track{i}": leaf for i, leaf in enumerate(jax.tree.leaves(track))}
         with written_whole(self._state) as file:
@@ -76,15 +77,19 @@ class Journal:
     def _resume(self) -> None:
         leaves = tuple(f"track{i}" for i in range(_TRACK.num_leaves))
         arrays = read_arrays(self._state, ("work", "frames", "digest"), leaves)
-        frames, digest = (int(numbers(self._state, arrays, key, ())) for key in ("frames", "digest"))
+        frames = int(numbers(self._state, arrays, "frames", ()))
         with open(self._rows, "rb") as file:
             found = 0
             for _ in range(frames):
                 found = zlib.crc32(file.read(_ROW.itemsize), found)
-        if texts(self._state, arrays, "work") != [self._work] or found != digest:
+        written = [*texts(self._state, arrays, "work"), *texts(self._state, arrays, "digest")]
+        if written != [self._work, str(found)]:
             raise ValueError(f"{self.folder}: the poses of other work, or damaged ones")
-        self.frames, self._digest = frames, digest
-        if leaves[0] in arrays:
+        self.frames, self._digest = frames, found
+        there = [key in arrays for key in leaves]
+        if any(there) and not all(there):
+            raise ValueError(f"{self._state}: a part of the track is lost")
+        if all(there):
             track = jax.tree.unflatten(_TRACK, [arrays[key] for key in leaves])
             # Numbers that were Python's are so again: JAX compiles anew for others.
             self.track = replace(track, since=int(track.since), sides=float(track.sides))

@@ -27,14 +27,16 @@ _PATIENCE = 10.0
 
 def finished_before(source: Source, output: Path, method: Method) -> Manifest | None:
     """The manifest of a recording whose result is there, whole, and would be the same again."""
-    found = ResultFolder(output, source.name).finished()
-    if found is None:
-        return None
+    folder = ResultFolder(output, source.name)
     try:
-        wanted = _work(source, method, found.work)
+        found = folder.finished()
+        if found is None or not _work(source, method, found.work).same(found.work):
+            return None
+        # What went wrong since, as long as the recording was another one, is over.
+        folder.failure.unlink(missing_ok=True)
     except OSError:
         return None
-    return found if wanted.same(found.work) else None
+    return found
 
 
 def reconstruct_one(

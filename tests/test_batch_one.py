@@ -1,0 +1,224 @@
+"""One recording of a batch: done once, done again when something changed, never half there."""
+
+import os
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from filelock import FileLock
+from test_journal import some_poses, some_track
+
+from jaxskel import Settings, Status
+from jaxskel.batch import Method, Outcome, Source, _manifest, read_manifest, read_results, reconstruct_one
+from jaxskel.batch import _one as one
+from jaxskel.batch._folders import ResultFolder
+from jaxskel.batch._one import finished_before
+from jaxskel.io import read_poses, write_recording
+from jaxskel.synthetic import camera_ring, make_scene
+
+METHOD = Method()
+
+
+class Killed(BaseException):
+    """As if the process ended here: nothing of the package handles it."""
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return make_scene(70, cameras=camera_ring(3, size=(64, 48)))
+
+
+@pytest.fixture
+def place(tmp_path, scene, monkeypatch):
+    """A recording of 70 frames whose poses are random numbers, told by their place; and a folder for the result."""
+    write_recording(tmp_path / "walk.npz", scene)
+    batches = []
+
+    def fake(first, track, recording, settings, prepared):
+        for start in range(first, len(recording), 32):
+            assert (None if start == 0 else start) == (track and track.since)
+            batches.append(start)
+            count = min(32, len(recording) - start)
+            track = some_track(start + count)
+            poses = some_poses(start, count)
+            yield replace(poses, status=poses.status * 0, tips=np.ones_like(poses.tips)), track
+
+    monkeypatch.setattr(one, "prepare", lambda recording, settings: None)
+    monkeypatch.setattr(one, "batches_from", fake)
+    return Source("walk", tmp_path / "walk.npz"), tmp_path / "out", batches
+
+
+def test_done_once(place):
+    source, output, batches = place
+    first = reconstruct_one(source, output, METHOD)
+    assert (first.outcome, first.frames, first.with_pose, batches) == (Outcome.DONE, 70, 70, [0, 32, 64])
+    assert len(read_poses(output / "walk" / "poses.npz")) == 70
+    assert reconstruct_one(source, output, METHOD) == first == finished_before(source, output, METHOD)
+    assert batches == [0, 32, 64]
+    assert sorted(os.listdir(output)) == [".locks", "walk"]
+    assert sorted(os.listdir(output / "walk")) == ["manifest.json", "poses.csv", "poses.npz"]
+    reconstruct_one(source, output, METHOD, force=True)
+    assert len(batches) == 6
+
+
+def test_done_again_when_something_changed(place, monkeypatch):
+    source, output, _ = place
+    reconstruct_one(source, output, METHOD)
+    os.utime(source.path, ns=(1, 1))
+    assert finished_before(source, output, METHOD) is not None
+    assert finished_before(source, output, Method(Settings(spacing=0.02))) is None
+    assert finished_before(source, output, Method(smooth_hz=2.0)) is None
+    with monkeypatch.context() as patch:
+        patch.setattr(one, "current_version", lambda: "another")
+        assert finished_before(source, output, METHOD) is None
+    (output / "walk" / "poses.csv").rename(output / "poses.csv")
+    assert finished_before(source, output, METHOD) is None
+    (output / "poses.csv").rename(output / "walk" / "poses.csv")
+    source.path.write_bytes(source.path.read_bytes() + b" ")
+    assert finished_before(source, output, METHOD) is None
+
+
+def test_a_development_version_counts_its_code(monkeypatch):
+    monkeypatch.setattr(_manifest, "version", lambda name: "1.2.3")
+    assert _manifest.current_version() == "1.2.3"
+    monkeypatch.setattr(_manifest, "version", lambda name: "1.2.dev0")
+    assert _manifest.current_version().startswith("1.2.dev0+")
+
+
+@pytest.mark.parametrize("before", [0, 1])
+@pytest.mark.parametrize("step", range(14))
+def test_killed_at_any_step_the_result_is_the_old_one_or_the_new_one(place, monkeypatch, before, step):
+    """Each call that changes the disk is the last one in turn; then the recording is taken up again."""
+    source, output, batches = place
+    if before:
+        old = reconstruct_one(source, output, Method(Settings(spacing=0.02)))
+        assert old.outcome is Outcome.DONE
+    steps = iter(range(100))
+
+    def killed_at(function):
+        def called(*arguments, **keywords):
+            if next(steps) == step:
+                raise Killed
+            return function(*arguments, **keywords)
+
+        return called
+
+    with monkeypatch.context() as patch:
+        for name in ("rename", "replace", "fsync"):
+            patch.setattr(os, name, killed_at(getattr(os, name)))
+        patch.setattr(shutil, "rmtree", killed_at(shutil.rmtree))
+        try:
+            reconstruct_one(source, output, METHOD)
+        except Killed:
+            pass
+    done = read_results(output) if (output / "walk").exists() else {}
+    if done:
+        poses = read_poses(output / "walk" / "poses.npz")
+        assert len(poses) == done["walk"].frames == 70
+    elif before:
+        # Only while the new one, whole, is about to take its place.
+        assert finished_before(source, output, METHOD) is not None
+    batches.clear()
+    found = reconstruct_one(source, output, METHOD)
+    assert (found.outcome, found.frames) == (Outcome.DONE, 70)
+    assert found.resumed == (batches[0] if batches else 70) or not batches
+    assert sorted(os.listdir(output)) == [".locks", "walk"]
+    np.testing.assert_array_equal(read_poses(output / "walk" / "poses.npz").frame_index, np.arange(70))
+
+
+def test_taken_up_within_the_recording_it_is_byte_for_byte_the_same(place, monkeypatch):
+    source, output, batches = place
+    reconstruct_one(source, output, METHOD)
+    appended = iter(range(10))
+
+    def broken_off(done, total):
+        if next(appended) == 2:  # after the start and two batches
+            raise Killed
+
+    with pytest.raises(Killed):
+        reconstruct_one(source, output / "other", METHOD, on_frames=broken_off)
+    assert not (output / "other" / "walk").exists()
+    batches.clear()
+    again = reconstruct_one(source, output / "other", METHOD)
+    assert (batches, again.resumed) == ([64], 64)
+    for name in ("poses.npz", "poses.csv"):
+        assert (output / "other" / "walk" / name).read_bytes() == (output / "walk" / name).read_bytes()
+
+
+def test_failures_are_told_and_the_old_result_stays(place, monkeypatch):
+    source, output, _ = place
+    whole = source.path.read_bytes()
+    reconstruct_one(source, output, METHOD)
+    source.path.write_bytes(whole[:5000])
+    found = reconstruct_one(source, output, METHOD)
+    assert found.outcome is Outcome.FAILED
+    assert found.problem is not None
+    assert found.problem.startswith(f"{source.path}: ")
+    assert found.trace is None
+    assert read_manifest(output / "walk.failed.json") == found
+    assert read_results(output) == {"walk": found}
+    assert len(read_poses(output / "walk" / "poses.npz")) == 70
+    source.path.write_bytes(whole)
+    assert reconstruct_one(source, output, METHOD).outcome is Outcome.DONE
+    assert not (output / "walk.failed.json").exists()
+
+
+def test_a_full_disk_is_a_failure_of_its_recording(place, monkeypatch):
+    source, output, _ = place
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", full)
+        found = reconstruct_one(source, output, METHOD)
+    assert found.outcome is Outcome.FAILED
+    assert "No space left on device" in str(found.problem)
+    assert not (output / "walk").exists()
+    assert reconstruct_one(source, output, METHOD).outcome is Outcome.DONE
+
+
+def test_a_defect_of_the_package_is_a_failure_with_a_trace(place, monkeypatch):
+    source, output, _ = place
+    monkeypatch.setattr(one, "prepare", lambda recording, settings: [][0])
+    found = reconstruct_one(source, output, METHOD)
+    assert found.outcome is Outcome.FAILED
+    assert "IndexError: list index out of range; please report it, walk.failed.json says more" in str(found.problem)
+    assert "Traceback" in str(found.trace)
+
+
+def test_two_processes_do_not_work_at_one_recording(place, monkeypatch):
+    source, output, batches = place
+    monkeypatch.setattr(one, "_PATIENCE", 0.05)
+    lock = ResultFolder(output, "walk").lock
+    lock.parent.mkdir(parents=True)
+    with FileLock(lock):
+        found = reconstruct_one(source, output, METHOD)
+    assert found.problem == f"{source.path}: another process works on it; wait for that one"
+    assert not batches
+    assert not (output / "walk.failed.json").exists()
+
+
+def test_no_pose_in_any_frame_is_done_but_told(place, monkeypatch):
+    source, output, _ = place
+
+    def empty(first, track, recording, settings, prepared):
+        poses = some_poses(0, 70)
+        nothing = poses.joints * np.nan
+        yield replace(poses, status=poses.status * 0 + Status.EMPTY, joints=nothing), None
+
+    monkeypatch.setattr(one, "batches_from", empty)
+    found = reconstruct_one(source, output, METHOD)
+    assert (found.outcome, found.with_pose, found.counts) == (Outcome.NO_POSE, 0, {"empty": 70})
+    assert found.confidence is None
+    assert "no pose in any frame: no view shows a person" in str(found.problem)
+    assert finished_before(source, output, METHOD) == found
+    assert read_results(output) == {"walk": found}
+
+
+@pytest.mark.parametrize("hertz", [0.0, 2.5, 100.0])
+def test_impossible_filters_are_refused(place, hertz):
+    source, output, _ = place
+    found = reconstruct_one(source, output, Method(smooth_hz=hertz))
+    assert f"a cutoff of {hertz:g} Hz; give one between 0 and 2.5 Hz" in str(found.problem)

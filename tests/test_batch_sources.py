@@ -1,0 +1,118 @@
+"""Which recordings a batch is made of, and whether their files have changed."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jaxskel.batch import Shard, Source, find_sources
+from jaxskel.batch import _inputs as inputs
+from jaxskel.batch._inputs import read_inputs, same_contents
+from jaxskel.io.inputs import input_paths
+
+
+@pytest.fixture
+def tree(tmp_path, monkeypatch):
+    """data/{a/walk.npz, a/poses.npz, b/walk.npz, b/run/recording.toml, .old/walk.npz, broken.npz}."""
+    monkeypatch.chdir(tmp_path)
+    for folder in ("data/a", "data/b/run", "data/.old"):
+        (tmp_path / folder).mkdir(parents=True)
+    for walk in ("data/a/walk.npz", "data/b/walk.npz", "data/.old/walk.npz"):
+        np.savez(tmp_path / walk, silhouettes=np.zeros(1))
+    np.savez(tmp_path / "data/a/poses.npz", joints=np.zeros(1))
+    (tmp_path / "data/b/run/recording.toml").write_text("fps = 30.0\n")
+    np.savez(tmp_path / "data/b/run/masks.npz", silhouettes=np.zeros(1))
+    (tmp_path / "data/broken.npz").write_bytes(b"PK")
+    return tmp_path
+
+
+def names(*given):
+    return [source.name for source in find_sources(given)]
+
+
+def test_a_folder_is_searched_and_names_tell_the_place(tree):
+    assert names("data") == ["a/walk", "b/run", "b/walk", "broken"]
+
+
+def test_files_folders_and_patterns_are_named_by_themselves(tree):
+    assert names("data/a/walk.npz") == ["walk"]
+    assert names("data/b/run", "data/broken.npz") == ["broken", "run"]
+    assert names("data/b/run/recording.toml") == ["run"]
+    assert names("data/*/run") == ["run"]
+    assert find_sources(["data/**/run"])[0].path == find_sources(["data/b/run"])[0].path
+
+
+def test_what_is_given_twice_is_done_once(tree):
+    assert names("data/a/walk.npz", "data/a/walk.npz", "data/a/*.npz") == ["poses", "walk"]
+
+
+def test_a_list_is_relative_to_its_own_place_and_keeps_what_is_not_there(tree):
+    (tree / "data/list.txt").write_text("# mine\na/walk.npz\n\nb/run  # folder\ngone.npz\n")
+    assert names("data/list.txt") == ["gone", "run", "walk"]
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        (["data/gone.npz"], "data/gone.npz: there is no such file or folder; check the path"),
+        (["data/*.mp4"], r"data/\*.mp4: matches nothing; check the pattern"),
+        (["data/.old/empty"], "no recording is found"),
+        (["data/a/walk.npz", "data/b/walk.npz"], "data/b/walk.npz: its result would be walk, as that of data/a/walk"),
+        (["data/bytes.txt"], "data/bytes.txt: is no sequence file"),
+    ],
+)
+def test_refused(tree, given, told):
+    (tree / "data/.old/empty").mkdir()
+    (tree / "data/bytes.txt").write_bytes(b"\xff\xfe\xff")
+    with pytest.raises(ValueError, match=f"^{told}"):
+        find_sources(given)
+
+
+@pytest.mark.parametrize("of", [1, 2, 3, 7, 20])
+def test_shards_are_a_partition(of):
+    sources = [Source(f"{i}", Path(__file__)) for i in range(10)]
+    parts = [Shard(number + 1, of).part(sources) for number in range(of)]
+    assert sorted(source.name for part in parts for source in part) == sorted(s.name for s in sources)
+    assert max(map(len, parts)) - min(map(len, parts)) <= 1
+    for number in (0, of + 1):
+        with pytest.raises(ValueError, match=f"shard {number}/{of}: give"):
+            Shard(number, of)
+
+
+def test_files_of_a_recording(tmp_path):
+    (tmp_path / "masks").mkdir()
+    (tmp_path / "masks/0.png").write_bytes(b"0")
+    for name in ("recording.toml", "rig.toml", "subject.toml", "m.npz", "unused.txt"):
+        (tmp_path / name).write_bytes(b"")
+    (tmp_path / "recording.toml").write_text(
+        'calibration = "rig.toml"\n[views.a]\nmasks = "masks"\n[views.b]\nmasks = "m.npz:b"\n[views.c]\nplate = "gone"'
+    )
+    assert input_paths(tmp_path) == {
+        "recording.toml": tmp_path / "recording.toml", "rig.toml": tmp_path / "rig.toml", "masks": tmp_path / "masks",
+        "subject.toml": tmp_path / "subject.toml", "m.npz:b": tmp_path / "m.npz",
+    }  # fmt: skip
+    (tmp_path / "recording.toml").write_text("calibration = [")
+    assert set(input_paths(tmp_path)) == {"recording.toml", "subject.toml"}
+
+
+def test_what_counts_is_content_and_it_is_read_only_when_a_time_or_size_changed(tmp_path, monkeypatch):
+    masks, rig = tmp_path / "masks", tmp_path / "rig"
+    masks.mkdir()
+    (masks / "0.png").write_bytes(b"0")
+    rig.write_bytes(b"rig")
+    paths = {"masks": masks, "rig": rig}
+    before = read_inputs(paths)
+    assert before["rig"].bytes == 3
+    os.utime(rig, ns=(1, 1))
+    touched = read_inputs(paths, before)
+    assert touched["rig"].stamp != before["rig"].stamp
+    assert same_contents(touched, before)
+    (masks / "1.png").write_bytes(b"")
+    assert not same_contents(read_inputs(paths, before), before)
+    (masks / "1.png").unlink()
+    (masks / "0.png").rename(masks / "1.png")
+    assert not same_contents(read_inputs(paths, before), before)
+    known = read_inputs(paths)
+    monkeypatch.setattr(inputs, "_content", lambda files: pytest.fail("read again"))
+    assert read_inputs(paths, known) == known
