@@ -4,6 +4,7 @@ A block is carved like a voxel, by all that its voxels can see: it is missed by 
 falls on any of the cells of the image around its voxels' pixels. So no voxel of a block that is left out is occupied.
 """
 
+import math
 from collections.abc import Callable
 from functools import reduce
 from typing import Any
@@ -24,6 +25,11 @@ _CELLS = (8, 16, 32, 64)
 def grid_of_blocks(shape: tuple[int, ...]) -> tuple[int, ...]:
     """Number of blocks along each axis."""
     return tuple(-(-n // EDGE) for n in shape)
+
+
+def count_blocks(shape: tuple[int, ...]) -> int:
+    """Number of blocks."""
+    return math.prod(grid_of_blocks(shape))
 
 
 def find_footprints(

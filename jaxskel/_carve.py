@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Int, UInt8, UInt32
 
-from ._blocks import pooled, voxels_of
+from ._blocks import count_blocks, pooled, voxels_of
 from ._hull import VisualHulls
 from ._kept import kept
 from ._projection import ProjectionTable
@@ -82,26 +82,29 @@ def carve_words(
 @kept
 def _carve_some(
     words: UInt32[Array, "cams pixels"],
-    table: ProjectionTable,
+    pixels: Int[Array, "cams voxels"],
+    observed: Bool[Array, " voxels"],
     voxels: Int[Array | np.ndarray, " some"],
     max_misses: int,
 ) -> UInt32[Array, " some"]:
     """Carve some voxels of the grid."""
-    seen = table.pixels.at[:, voxels].get(mode="promise_in_bounds")
-    return jnp.where(table.observed[voxels], carve_words(words, seen, max_misses), jnp.uint32(0))
+    seen = pixels.at[:, voxels].get(mode="promise_in_bounds")
+    return jnp.where(observed[voxels], carve_words(words, seen, max_misses), jnp.uint32(0))
 
 
 def _carve_word(
     words: UInt32[Array, "cams pixels"], table: ProjectionTable, max_misses: int
 ) -> UInt32[np.ndarray, " voxels"]:
     """Carve 32 frames: first blocks of voxels, then the voxels of those that are left, a fixed number at a time."""
-    blocks = np.asarray(carve_words(pooled(words, *table.size), table.footprints, max_misses))
-    voxels = voxels_of(np.flatnonzero(blocks), table.grid.shape)
+    blocks = np.asarray(carve_words(pooled(words, *table.size), table.padded_footprints, max_misses))
+    voxels = voxels_of(np.flatnonzero(blocks[: count_blocks(table.grid.shape)]), table.grid.shape)
     found = np.zeros(table.grid.size, np.uint32)
     for start in range(0, len(voxels), _AT_ONCE):
         some = voxels[start : start + _AT_ONCE]
         full = np.resize(some, _AT_ONCE) if len(some) < _AT_ONCE else some
-        found[some] = np.asarray(_carve_some(words, table, full, max_misses))[: len(some)]
+        found[some] = np.asarray(_carve_some(words, table.padded_pixels, table.padded_observed, full, max_misses))[
+            : len(some)
+        ]
     return found
 
 

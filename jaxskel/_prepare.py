@@ -56,7 +56,7 @@ def prepare(recording: Recording, settings: Settings) -> Prepared:
     if grid is not None:
         # A voxel that may be missed by some cameras must be seen by so many more.
         table = projection_table(cameras, grid, silhouettes.shape[2], 8 * silhouettes.shape[3], min_views + max_misses)
-        edge = observed_edge(np.asarray(table.observed).reshape(grid.shape))
+        edge = observed_edge(table.observed.reshape(grid.shape))
     known = recording.skeleton is not None
     skeleton = recording.skeleton or default_adult()
     body = settings.body or make_body(skeleton)

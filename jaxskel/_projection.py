@@ -20,15 +20,29 @@ _AT_ONCE = 1 << 16
 class ProjectionTable(eqx.Module):
     """Which pixel each voxel centre falls on, for static cameras and a static grid."""
 
-    pixels: Int[Array, "cams voxels"]
-    """Index into the flattened image; one past its end where the camera does not see the voxel."""
-    observed: Bool[Array, " voxels"]
-    """Seen by enough cameras to be told from the background."""
     grid: VoxelGrid
-    footprints: Int[Array, "cams blocks"]
-    """Where each camera sees each block of voxels, see `find_footprints`."""
+    padded_pixels: Int[Array, "cams at_least_voxels"]
+    """The `pixels`, and more that nobody looks at: grids of about the same size share what is compiled."""
+    padded_observed: Bool[Array, " at_least_voxels"]
+    padded_footprints: Int[Array, "cams at_least_blocks"]
+    """Where each camera sees each block of voxels, see `find_footprints`; and more."""
     size: tuple[int, int] = eqx.field(static=True)
     """Height and width of the stored silhouettes (px)."""
+
+    @property
+    def pixels(self) -> Int[np.ndarray, "cams voxels"]:
+        """Index into the flattened image; one past its end where the camera does not see the voxel."""
+        return np.asarray(self.padded_pixels)[:, : self.grid.size]
+
+    @property
+    def observed(self) -> Bool[np.ndarray, " voxels"]:
+        """Seen by enough cameras to be told from the background."""
+        return np.asarray(self.padded_observed)[: self.grid.size]
+
+    def with_observed(self, observed: Bool[np.ndarray, " voxels"]) -> "ProjectionTable":
+        """The same table, but for the voxels that count as observed."""
+        missing = self.padded_observed.shape[0] - len(observed)
+        return replace(self, padded_observed=jnp.asarray(np.pad(observed, (0, missing))))
 
     @property
     def unseen(self) -> int:
@@ -49,7 +63,7 @@ def projection_table(cameras: Cameras, grid: VoxelGrid, height: int, width: int,
         width: Width of the stored silhouettes (px), a multiple of 8.
         min_views: A voxel seen by fewer cameras than this is never occupied: nothing bounds it.
     """
-    pixels = np.empty((len(cameras), grid.size), np.int32)
+    pixels = np.full((len(cameras), _step_above(grid.size)), height * width, np.int32)
     axes = grid.axes()
     # Names are no numbers, and other names would compile again.
     nameless = replace(cameras, names=tuple(map(str, range(len(cameras)))))
@@ -59,12 +73,19 @@ def projection_table(cameras: Cameras, grid: VoxelGrid, height: int, width: int,
             part = np.arange(start, start + _AT_ONCE) % grid.size
             points = [axis.take(index) for axis, index in zip(axes, np.unravel_index(part, grid.shape), strict=True)]
             found = np.asarray(_pixels(nameless, np.stack(points, 1), height, width))
-            pixels[:, start : start + _AT_ONCE] = found[:, : grid.size - start]
+            stop = min(start + _AT_ONCE, grid.size)
+            pixels[:, start:stop] = found[:, : stop - start]
     seen_by = (pixels < height * width).sum(0)
-    footprints = np.stack([find_footprints(each, grid.shape, height, width) for each in pixels])
-    return ProjectionTable(
-        jnp.asarray(pixels), jnp.asarray(seen_by >= min_views), grid, jnp.asarray(footprints), (height, width)
-    )
+    footprints = np.stack([find_footprints(each[: grid.size], grid.shape, height, width) for each in pixels])
+    footprints = np.pad(footprints, ((0, 0), (0, _step_above(footprints.shape[1]) - footprints.shape[1])))
+    observed = seen_by >= min_views
+    return ProjectionTable(grid, jnp.asarray(pixels), jnp.asarray(observed), jnp.asarray(footprints), (height, width))
+
+
+def _step_above(count: int) -> int:
+    """A number that is not less, and at most a quarter more; there are four to each power of two."""
+    step = max(1, 2 ** (count.bit_length() - 3))
+    return -(-count // step) * step
 
 
 @kept

@@ -6,8 +6,6 @@ ones, and tells how many misses it takes to close the tunnels.
 """
 
 import cv2
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
@@ -84,8 +82,7 @@ def judge_misses(
 
 def with_min_views(table: ProjectionTable, min_views: int) -> ProjectionTable:
     """The same table with another number of cameras that must see a voxel."""
-    seen_by = (np.asarray(table.pixels) < table.unseen).sum(0)
-    return eqx.tree_at(lambda t: t.observed, table, jnp.asarray(seen_by >= min_views))
+    return table.with_observed((table.pixels < table.unseen).sum(0) >= min_views)
 
 
 def filled_shares(
@@ -102,7 +99,7 @@ def filled_shares(
     """
     height, width = silhouettes.shape[2], 8 * silhouettes.shape[3]
     index = np.ravel_multi_index(tuple(hulls.voxels.T), hulls.grid.shape)
-    pixels = np.asarray(table.pixels)[:, index]
+    pixels = table.pixels[:, index]
     points = hulls.centres
     shares = np.full(lost.shape, np.nan)
     for f in range(len(hulls)):
