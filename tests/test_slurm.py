@@ -1,10 +1,16 @@
-"""The Slurm of the tests is a Slurm: it runs arrays, two tasks at once, and starts again what is requeued."""
+"""The Slurm of the tests is a Slurm: it runs arrays, two tasks at once, and starts again what is requeued.
 
+And so it does with what submitit sends.
+"""
+
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import submitit
 from slurm_node import SlurmNode, reason_to_skip, running, until
+from slurm_tasks import square, wait_for_go
 
 pytestmark = pytest.mark.skipif(bool(reason_to_skip()), reason=str(reason_to_skip()))
 
@@ -47,6 +53,45 @@ def test_a_requeued_task_runs_again(slurm, tmp_path):
     assert sorted(runs.read_text().splitlines()) == ["0 0", "1 0", "1 1"]
 
 
+@pytest.fixture
+def executor(slurm, tmp_path, monkeypatch) -> submitit.AutoExecutor:
+    """Submitit as a user on the cluster has it; jobs import the functions of the tests."""
+    for name, value in slurm.environment.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=os.pathsep)
+    sent = submitit.AutoExecutor(tmp_path / "submitit", cluster="slurm")
+    sent.update_parameters(timeout_min=60, cpus_per_task=1, mem_gb=1)
+    return sent
+
+
+def test_submitit_brings_results_back_in_their_order(executor):
+    assert [job.result() for job in executor.map_array(square, [3, 1, 2])] == [9, 1, 4]
+
+
+def test_submitit_runs_no_more_tasks_at_once_than_asked_for(slurm, executor, tmp_path):
+    executor.update_parameters(slurm_array_parallelism=1)
+    log = tmp_path / "log"
+    jobs = executor.map_array(wait_for_go, [log, log])
+    until(log.exists, "the first task")
+    # Half of the node is free, and Slurm says what the second task waits for.
+    waiting = ("squeue", "--noheader", "--array", "--states=PENDING", "--format=%r", f"--jobs={jobs[1].job_id}")
+    until(lambda: slurm.run(*waiting) == "JobArrayTaskLimit", "the second task to wait for the first")
+    assert log.read_text() == "0 0\n"
+    (tmp_path / "go").touch()
+    assert [job.result() for job in jobs] == [0, 0]
+
+
+def test_a_requeued_task_of_submitit_runs_again_with_its_arguments(slurm, executor, tmp_path):
+    log = tmp_path / "log"
+    jobs = executor.map_array(wait_for_go, [log, log])
+    until(lambda: log.exists() and len(log.read_text().splitlines()) == 2, "two tasks")
+    slurm.requeue(jobs[1].job_id)
+    until(lambda: len(log.read_text().splitlines()) == 3, "the second run")
+    (tmp_path / "go").touch()
+    assert [job.result() for job in jobs] == [0, 1]
+    assert sorted(log.read_text().splitlines()) == ["0 0", "1 0", "1 1"]
+
+
 def test_nothing_runs_on_when_a_test_fails(tmp_path):
     deaf = script(tmp_path, "trap '' TERM", "setsid sleep 1000 &", "echo $$ $! > new; mv new started", "sleep 1000")
 
@@ -58,7 +103,7 @@ def test_nothing_runs_on_when_a_test_fails(tmp_path):
 
     with pytest.raises(ZeroDivisionError):
         fail_while_it_runs()
-    batch, detached = (Path("/proc") / number / "cmdline" for number in (tmp_path / "started").read_text().split())
-    assert not (batch.exists() and batch.read_bytes())  # one that has ended, but was not asked for yet, has none
-    assert not (detached.exists() and detached.read_bytes())
-    assert not SlurmNode(tmp_path).is_idle()
+    pids = [*(tmp_path / "started").read_text().split(), *(file.read_text().strip() for file in tmp_path.glob("*.pid"))]
+    assert len(pids) == 5  # the script, what left its process group, and three daemons
+    commands = [Path(f"/proc/{pid}/cmdline") for pid in pids]
+    assert not [file for file in commands if file.exists() and file.read_bytes()]  # a zombie has none
