@@ -1,0 +1,186 @@
+"""A real Slurm of one node with two processors, on loopback and in a folder of its own.
+
+Controller, node daemon and munge are started as they are on a cluster, only without cgroups, accounting and systemd.
+"""
+
+import os
+import re
+import secrets
+import shutil
+import signal
+import socket
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+PROGRAMS = ("munged", "slurmctld", "slurmd", "sbatch", "setpriv")
+CONFIGURATION = """
+ClusterName=test
+SlurmctldHost={host}(127.0.0.1)
+SlurmUser=root
+SlurmdUser=root
+AuthType=auth/munge
+CredType=cred/munge
+AuthInfo=socket={folder}/munge.socket
+SlurmctldPort={controller_port}
+SlurmdPort={node_port}
+SlurmctldPidFile={folder}/slurmctld.pid
+SlurmdPidFile={folder}/slurmd.pid
+StateSaveLocation={folder}/state
+SlurmdSpoolDir={folder}/spool
+MailProg=/bin/true
+MpiDefault=none
+ProctrackType=proctrack/pgid
+TaskPlugin=task/none
+JobAcctGatherType=jobacct_gather/none
+AccountingStorageType=accounting_storage/none
+SelectType=select/cons_tres
+SelectTypeParameters=CR_Core_Memory
+# The queue is looked at ten times a second, not twice a minute.
+SchedulerType=sched/builtin
+SchedulerParameters=batch_sched_delay=0,sched_interval=1,sched_min_interval=100000
+JobRequeue=1
+KillWait=2
+MinJobAge=600
+ReturnToService=2
+NodeName=node NodeHostname={host} NodeAddr=127.0.0.1 CPUs=2 RealMemory=4000
+PartitionName=all Nodes=node Default=YES DefMemPerCPU=1000 State=UP
+"""
+
+
+def reason_to_skip() -> str | None:
+    """Why no Slurm can be started here."""
+    path = f"{os.environ['PATH']}:/usr/sbin:/sbin"  # daemons are not on the path of every shell
+    missing = [program for program in PROGRAMS if not shutil.which(program, path=path)]
+    if missing:
+        return f"needs {', '.join(missing)}: apt-get install slurm-wlm munge"
+    return None if os.geteuid() == 0 else "needs root: Slurm's node daemon runs as root"
+
+
+def until(holds: Callable[[], object], what: str, seconds: float = 60) -> None:
+    """Wait for something, and say what did not come."""
+    end = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < end, f"{what}: not within {seconds} s"
+        time.sleep(0.05)
+
+
+class SlurmNode:
+    """What a test does with the node: `environment` is what a command needs to find it."""
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+        self.environment = {
+            **{name: value for name, value in os.environ.items() if not re.match("SLURM|SBATCH|SRUN", name)},
+            "PATH": f"{os.environ['PATH']}:/usr/sbin:/sbin",
+            "SLURM_CONF": str(folder / "slurm.conf"),
+        }
+
+    def run(self, *command: object) -> str:
+        """What a command prints; that it fails is an error with what it said."""
+        done = subprocess.run([*map(str, command)], env=self.environment, capture_output=True, text=True, timeout=60)
+        assert done.returncode == 0, f"{command}: {done.stdout}{done.stderr}{self.log()}"
+        return done.stdout.strip()
+
+    def log(self) -> str:
+        """The end of what the daemons wrote."""
+        return "\n".join(f"{file}:\n{file.read_text()[-2000:]}" for file in sorted(self.folder.glob("*.log")))
+
+    def submit(self, script: Path, *options: object) -> str:
+        """Hand over a script; gives the job's number."""
+        return self.run("sbatch", "--parsable", *options, script)
+
+    def states(self, job: str) -> set[str]:
+        """States of a job or of an array's tasks, ended ones too."""
+        return set(self.run("squeue", "--noheader", "--array", "--states=all", "--format=%T", f"--jobs={job}").split())
+
+    def is_idle(self) -> bool:
+        """Whether the controller answers and the node waits for work."""
+        command = ["sinfo", "--noheader", "--format=%T"]
+        return subprocess.run(command, env=self.environment, capture_output=True, text=True).stdout.strip() == "idle"
+
+    def wait_until_empty(self, seconds: float = 120) -> None:
+        """Until nothing runs or waits."""
+        until(lambda: not self.run("squeue", "--noheader") and self.is_idle(), f"an empty queue{self.log()}", seconds)
+
+    def wait_until(self, job: str, state: str, seconds: float = 60) -> None:
+        """Until a job, or every task that is asked for, is in a state, such as `RUNNING`."""
+        until(lambda: self.states(job) == {state}, f"{job} {state}{self.log()}", seconds)
+
+    def requeue(self, job: str) -> None:
+        """End a job or an array's task and start it again, at once: a requeued job waits two minutes by default."""
+        self.run("scontrol", "requeue", job)
+        self.start_now(job)
+
+    def start_now(self, job: str) -> None:
+        """Do not let a requeued job wait."""
+        self.wait_until(job, "PENDING")
+        self.run("scontrol", "update", f"JobId={job}", "StartTime=now")
+
+    def kill(self, job: str, sign: str = "KILL") -> None:
+        """A signal to all processes of a job, its script and what that started."""
+        self.run("scancel", "--full", f"--signal={sign}", job)
+
+    def processes(self) -> list[int]:
+        """All processes that this Slurm has started, daemons and those that left their process group too."""
+        own = f"SLURM_CONF={self.environment['SLURM_CONF']}\0".encode()
+        return [number for number in map(int, filter(str.isdigit, os.listdir("/proc"))) if own in _environment(number)]
+
+
+def _environment(process: int) -> bytes:
+    """What a process was started with; the tests' own has no node in it."""
+    try:
+        return Path(f"/proc/{process}/environ").read_bytes() + b"\0"
+    except OSError:  # it has just ended
+        return b""
+
+
+@contextmanager
+def running(folder: Path) -> Iterator[SlurmNode]:
+    """A node that takes jobs; whatever happens inside, nothing of it runs afterwards."""
+    node = SlurmNode(folder)
+    with socket.create_server(("127.0.0.1", 0)) as first, socket.create_server(("127.0.0.1", 0)) as second:
+        ports = {"controller_port": first.getsockname()[1], "node_port": second.getsockname()[1]}
+    for name in ("state", "spool"):
+        (folder / name).mkdir()
+    host = socket.gethostname().split(".")[0]
+    (folder / "slurm.conf").write_text(CONFIGURATION.format(folder=folder, host=host, **ports))
+    (folder / "munge.key").touch(0o600)
+    (folder / "munge.key").write_bytes(secrets.token_bytes(1024))
+    daemons: list[subprocess.Popen] = []
+
+    def start(*command: str) -> None:
+        with (folder / f"{command[0]}.log").open("w") as log:
+            # Should the tests be killed, so are the daemons.
+            bound = ["setpriv", "--pdeathsig", "KILL", *command]
+            daemons.append(subprocess.Popen(bound, env=node.environment, stdout=log, stderr=log, cwd=folder))
+
+    def until_started(holds: Callable[[], bool]) -> None:
+        def holds_or_ended() -> bool:
+            assert all(daemon.poll() is None for daemon in daemons), f"a daemon has ended\n{node.log()}"
+            return holds()
+
+        until(holds_or_ended, "Slurm's start")
+
+    try:
+        munge = {"socket": "socket", "key-file": "key", "pid-file": "pid", "seed-file": "seed", "log-file": "own.log"}
+        files = [f"--{option}={folder}/munge.{end}" for option, end in munge.items()]
+        start("munged", "--foreground", "--force", *files)
+        until_started((folder / "munge.socket").exists)
+        start("slurmctld", "-D")
+        start("slurmd", "-D", "-N", "node")
+        until_started(node.is_idle)
+        yield node
+    finally:
+        # Asked to end, daemons first wait for their jobs; there is nothing to keep here.
+        while left := node.processes():
+            for process in left:
+                with suppress(ProcessLookupError):
+                    os.kill(process, signal.SIGKILL)
+            for daemon in daemons:
+                daemon.poll()  # one that has ended stays in the table until it is asked for
+            time.sleep(0.02)
+        for daemon in daemons:
+            daemon.wait()
