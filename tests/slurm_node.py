@@ -119,9 +119,15 @@ class SlurmNode:
         self.wait_until(job, "PENDING")
         self.run("scontrol", "update", f"JobId={job}", "StartTime=now")
 
-    def kill(self, job: str, sign: str = "KILL") -> None:
-        """A signal to all processes of a job, its script and what that started."""
-        self.run("scancel", "--full", f"--signal={sign}", job)
+    def kill(self, job: str) -> None:
+        """Kill all processes of an array's task: its script and what that started."""
+        array, _, task = job.partition("_")
+        marks = [f"SLURM_ARRAY_JOB_ID={array}\0".encode(), f"SLURM_ARRAY_TASK_ID={task}\0".encode()]
+        found = [number for number in self.processes() if all(mark in _environment(number) for mark in marks)]
+        assert found, f"{job} has no process"
+        for number in found:
+            with suppress(ProcessLookupError):
+                os.kill(number, signal.SIGKILL)
 
     def processes(self) -> list[int]:
         """All processes that this Slurm has started, daemons and those that left their process group too."""

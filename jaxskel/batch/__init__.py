@@ -4,6 +4,7 @@ from ._manifest import Manifest as Manifest
 from ._manifest import Outcome as Outcome
 from ._manifest import read_manifest as read_manifest
 from ._method import Method as Method
+from ._one import finished_before as finished_before
 from ._one import reconstruct_one as reconstruct_one
 from ._run import BatchResult as BatchResult
 from ._run import Shard as Shard

@@ -76,6 +76,15 @@ class Manifest:
         seconds, frames = self.seconds.get("reconstruct", 0.0), self.frames - self.resumed
         return frames / seconds if seconds > 0 and frames > 0 else None
 
+    @property
+    def told(self) -> str:
+        """What became of it, in a line."""
+        if self.outcome is Outcome.FAILED:
+            return f"failed: {self.problem}"
+        fps = "" if self.fps is None else f", {self.fps:.1f} fps"
+        resumed = f", {self.resumed} of them before" if self.resumed else ""
+        return f"{self.frames} frames{resumed}, {self.with_pose} with a pose{fps}"
+
 
 def done(work: Work, poses: Poses, problem: str | None, seconds: Mapping[str, float], resumed: int) -> Manifest:
     """The manifest of a recording whose poses are there; `problem` where no frame has one."""

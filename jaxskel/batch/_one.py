@@ -21,8 +21,9 @@ from ._manifest import Manifest, Work, current_version, done, failed
 from ._method import Method
 from ._sources import Source
 
-# Another process that is about to end lets go of a recording within this time (s).
-_PATIENCE = 10.0
+# Another process that is about to end lets go of a recording within this time (s): a cluster starts a task again
+# while the one before still has half a minute to end.
+_PATIENCE = 60.0
 
 
 def finished_before(source: Source, output: Path, method: Method) -> Manifest | None:

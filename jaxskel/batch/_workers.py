@@ -5,6 +5,7 @@ import pickle
 import signal
 import threading
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
@@ -88,7 +89,8 @@ class _Worker:
         # Only this process holds the other end: it is closed when this one is gone, killed or not.
         alive, self._alive = context.Pipe(duplex=False)
         self.process = context.Process(target=_work, args=(core, given, theirs, alive))
-        self.process.start()
+        with _deaf():
+            self.process.start()
         theirs.close()
         alive.close()
 
@@ -110,16 +112,31 @@ class _Worker:
 
     def end(self) -> int | None:
         """End the process and return its exit code."""
-        self.process.terminate()
+        self.process.kill()
         self.process.join()
         self.pipe.close()
         self._alive.close()
         return self.process.exitcode
 
 
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """What is started here takes no notice of signals, from its very beginning.
+
+    A terminal and a scheduler send them to all processes; what becomes of these is for the first one to say.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    names = ("SIGINT", "SIGTERM", "SIGHUP", "SIGUSR1", "SIGUSR2")
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [getattr(signal, name) for name in names])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _work(core: int, given: bytes, pipe: Connection, alive: Connection) -> None:
-    # An interrupt at the keyboard goes to all processes; what becomes of these is for the first one to say.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with, args=(alive,), daemon=True).start()
     take_core(core)
     output, method, force = pickle.loads(given)

@@ -1,11 +1,9 @@
 """`jaxskel batch`: many recordings to poses."""
 
 import os
-import signal
 import sys
 import time
 from pathlib import Path
-from types import FrameType
 from typing import Annotated
 
 import typer
@@ -13,10 +11,22 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from ..batch import BatchResult, Finished, Manifest, Method, Outcome, Shard, find_sources, run_batch
+from ..batch import (
+    BatchResult,
+    Finished,
+    Manifest,
+    Method,
+    Outcome,
+    Shard,
+    Source,
+    find_sources,
+    finished_before,
+    run_batch,
+)
 from ..batch import Progress as Frames
 from ..io import read_subject
 from ._run import Box, MaxMisses, Preset, PresetOption, Smooth, Spacing, Subject, Track, check_output, make_settings
+from ._slurm import FOLDER, stop_when_told, submit
 
 _PROCESS = 2 << 30  # bytes that a process may take
 
@@ -33,6 +43,13 @@ def batch(
     ] = None,
     shard: Annotated[str | None, typer.Option(metavar="I/N", help="Only the I-th of N parts.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Compute again what is done.")] = False,
+    slurm: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Send it to Slurm as an array of N tasks, and return.")
+    ] = None,
+    slurm_minutes: Annotated[int, typer.Option(min=1, help="Time limit of a task (min).")] = 1440,
+    slurm_option: Annotated[
+        list[str] | None, typer.Option(metavar="KEY=VALUE", help="Option of sbatch, such as partition=long.")
+    ] = None,
     subject: Subject = None,
     spacing: Spacing = 0.015,
     max_misses: MaxMisses = None,
@@ -50,7 +67,10 @@ def batch(
     if subject is not None:
         read_subject(subject)  # a fault of it is no recording's
     method = Method(settings, smooth_hz, subject)
-    signal.signal(signal.SIGTERM, _stop)
+    if slurm is not None:
+        _send(sources, output, method, jobs or 1, force, slurm, slurm_minutes, slurm_option or [])
+        return
+    stop_when_told()
     begin = time.monotonic()
     try:
         with _Display(len(sources)) as display:
@@ -105,19 +125,33 @@ class _Display:
             self._done += 1
             self._failed += event.manifest.outcome is Outcome.FAILED
             if not self._console.is_terminal:
-                told = f"[{self._done}/{self._total}] {event.source.name}: {_told(event.manifest)}"
+                told = f"[{self._done}/{self._total}] {event.source.name}: {event.manifest.told}"
                 print(told, file=sys.stderr, flush=True)
         failed = f", {self._failed} failed" if self._failed else ""
         done = self._done + sum(self._parts.values())
         self._progress.update(self._task, completed=done, description=f"recordings{failed}")
 
 
-def _told(manifest: Manifest) -> str:
-    if manifest.outcome is Outcome.FAILED:
-        return f"failed: {manifest.problem}"
-    fps = "" if manifest.fps is None else f", {manifest.fps:.1f} fps"
-    resumed = f", {manifest.resumed} of them before" if manifest.resumed else ""
-    return f"{manifest.frames} frames{resumed}, {manifest.with_pose} with a pose{fps}"
+def _send(
+    sources: list[Source],
+    output: Path,
+    method: Method,
+    jobs: int,
+    force: bool,
+    tasks: int,
+    minutes: int,
+    options: list[str],
+) -> None:
+    """Have Slurm do what is not done."""
+    left = sources if force else [source for source in sources if finished_before(source, output, method) is None]
+    if not left:
+        print(f"{output}: {len(sources)} recordings, all done before")
+        return
+    job = submit(left, output, method, jobs, force, tasks, minutes, options)
+    print(
+        f"{output}: {len(left)} of {len(sources)} recordings in {min(tasks, len(left))} tasks of Slurm job {job}; "
+        f"{output / FOLDER} has what they say, jaxskel summary {output} what became of them"
+    )
 
 
 def _problems(problems: dict[str, Manifest]) -> Table:
@@ -155,8 +189,3 @@ def _usable_cores() -> int:
     except (AttributeError, OSError, ValueError):
         return cores
     return max(1, min(cores, fitting))
-
-
-def _stop(number: int, frame: FrameType | None) -> None:
-    """Ended by a scheduler: as by a person at the keyboard."""
-    raise KeyboardInterrupt

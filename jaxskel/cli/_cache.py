@@ -14,14 +14,31 @@ def keep_compiled() -> None:
     """Have JAX keep what it compiles, unless ``JAX_COMPILATION_CACHE_DIR`` tells it where already."""
     if "JAX_COMPILATION_CACHE_DIR" in os.environ:
         return
-    # Many small functions add up: all are kept.
-    for option, value in (
-        ("jax_compilation_cache_dir", str(compiled_folder())),
-        ("jax_persistent_cache_min_compile_time_secs", 0.0),
-        ("jax_persistent_cache_min_entry_size_bytes", -1),
-    ):
+    for option, value in _options().items():
         jax.config.update(option, value)
         os.environ[option.upper()] = str(value)  # for the processes of --jobs
+
+
+def forget_compiled() -> bool:
+    """Take back what `keep_compiled` told to processes that are started, and return whether it did.
+
+    On another machine the place may be another one.
+    """
+    ours = {option.upper(): str(value) for option, value in _options().items()}
+    if any(os.environ.get(name) != value for name, value in ours.items()):
+        return False
+    for name in ours:
+        del os.environ[name]
+    return True
+
+
+def _options() -> dict[str, str | float]:
+    """Of JAX. Many small functions add up: all are kept."""
+    return {
+        "jax_compilation_cache_dir": str(compiled_folder()),
+        "jax_persistent_cache_min_compile_time_secs": 0.0,
+        "jax_persistent_cache_min_entry_size_bytes": -1,
+    }
 
 
 def compiled_folder() -> Path:

@@ -1,0 +1,108 @@
+"""`jaxskel batch --slurm`: the batch as an array of tasks on a cluster."""
+
+import signal
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from ..batch import Finished, Method, Progress, Shard, Source, run_batch
+from ._cache import forget_compiled, keep_compiled
+
+FOLDER = ".slurm"
+"""Below the output: what submitit writes, and what the tasks say."""
+_PROCESS = 2  # GB that a process may take
+
+
+@dataclass(frozen=True)
+class Task:
+    """A part of the batch: what submitit sends, and what runs on the node.
+
+    However often it is started, the same recordings are its own, and what is done is not done again.
+    """
+
+    sources: list[Source]
+    output: Path
+    method: Method
+    jobs: int
+    force: bool
+    kept: bool
+    """Whether compiled code is kept for the next run, there where the node keeps it."""
+
+    def __call__(self) -> dict[str, str]:
+        """Do it; return what became of each recording."""
+        if self.kept:
+            keep_compiled()
+        # Otherwise submitit takes no notice of it, and Slurm starts the task again while this one still runs.
+        stop_when_told()
+        count = 0
+
+        def tell(event: Progress | Finished) -> None:
+            nonlocal count
+            if isinstance(event, Finished):
+                count += 1
+                print(f"[{count}/{len(self.sources)}] {event.source.name}: {event.manifest.told}", flush=True)
+
+        found = run_batch(self.sources, self.output, self.method, self.jobs, self.force, tell)
+        return {name: str(manifest.outcome) for name, manifest in (found.before | found.now).items()}
+
+    def checkpoint(self) -> Any:
+        """Near its time limit, or where it has to make room, it is put back into the queue."""
+        from submitit.helpers import DelayedSubmission
+
+        return DelayedSubmission(self)
+
+
+def stop_when_told() -> None:
+    """End as by a person at the keyboard where a scheduler says so."""
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGTERM, stop)
+
+
+def submit(
+    sources: Sequence[Source],
+    output: Path,
+    method: Method,
+    jobs: int,
+    force: bool,
+    tasks: int,
+    minutes: int,
+    options: Sequence[str],
+) -> str:
+    """Send the recordings as an array of tasks; return the number of the job.
+
+    Raises:
+        ValueError: submitit or Slurm is missing, or an option is none.
+    """
+    try:
+        import submitit
+    except ImportError:
+        raise ValueError('--slurm needs submitit: python -m pip install "jaxskel[slurm]"') from None
+    pairs = [option.partition("=") for option in options]
+    if not all(key and sign for key, sign, _ in pairs):
+        raise ValueError(f"--slurm-option {' '.join(options)}: give KEY=VALUE, such as partition=long")
+    count = min(tasks, len(sources))
+    # The node may begin in another folder.
+    sources = [replace(source, path=source.path.absolute()) for source in sources]
+    method = replace(method, subject=None if method.subject is None else method.subject.absolute())
+    kept = forget_compiled()
+    given = [
+        Task(Shard(number + 1, count).part(sources), output.absolute(), method, jobs, force, kept)
+        for number in range(count)
+    ]
+    try:
+        executor = submitit.AutoExecutor(output / FOLDER, cluster="slurm", slurm_python=sys.executable)
+    except RuntimeError as error:
+        raise ValueError(f"--slurm: {error}; run it on a machine of the cluster") from None
+    executor.update_parameters(
+        name="jaxskel", timeout_min=minutes, cpus_per_task=jobs, mem_gb=_PROCESS * jobs,
+        slurm_additional_parameters={"requeue": True} | {key: value for key, _, value in pairs},
+    )  # fmt: skip
+    with executor.batch():
+        sent = [executor.submit(task) for task in given]
+    return sent[0].job_id.partition("_")[0]
