@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
 
+import jax
 from filelock import FileLock, Timeout
 
 from .._advice import advice
@@ -71,8 +72,11 @@ def reconstruct_one(
             return _reconstructed(source, folder, work, method, force, on_frames)
     except Timeout:
         return failed(work, f"{source.path}: another process works on it; wait for that one")
-    except (ValueError, OSError, MemoryError) as error:
-        return _recorded(folder, failed(work, str(error) or type(error).__name__))
+    except (ValueError, OSError) as error:
+        return _recorded(folder, failed(work, str(error)))
+    except (MemoryError, jax.errors.JaxRuntimeError) as error:
+        told = f"{source.path}: out of memory ({error}); give fewer jobs, a coarser spacing or a smaller box"
+        return _recorded(folder, failed(work, told))
     except Exception as error:  # a defect of this package: the other recordings go on
         told = f"{source.path}: {type(error).__name__}: {error}; please report it, {folder.failure.name} says more"
         return _recorded(folder, failed(work, told, traceback.format_exc()))
