@@ -72,8 +72,11 @@ def reconstruct_one(
             return _reconstructed(source, folder, work, method, force, on_frames)
     except Timeout:
         return failed(work, f"{source.path}: another process works on it; wait for that one")
-    except (ValueError, OSError) as error:
+    except ValueError as error:
         return _recorded(folder, failed(work, str(error)))
+    except OSError as error:
+        told = f"{error.filename or folder.path}: {error.strerror or error}; mend that and run again"
+        return _recorded(folder, failed(work, told))
     except (MemoryError, jax.errors.JaxRuntimeError) as error:
         told = f"{source.path}: out of memory ({error}); give fewer jobs, a coarser spacing or a smaller box"
         return _recorded(folder, failed(work, told))
