@@ -157,7 +157,7 @@ def test_a_calibration_for_another_size_is_used_where_the_file_says_so(tmp_path)
         ('masks = "masks/left"', 'images = "masks/left"', "comes without a background"),
         ('masks = "masks/left"', 'images = "masks/left"\nbackdrop = [1, 2]', "[red, green, blue]"),
         ('masks = "masks/left"', 'images = "masks/left"\nmedian = "yes"', "median': is 'yes'; give true"),
-        ('masks = "masks/left"', 'images = "masks/left"\nplate = "none.png"', "none.png: is no image"),
+        ('masks = "masks/left"', 'images = "masks/left"\nplate = "none.png"', "none.png: cannot be opened"),
         ('masks = "masks/left"', 'images = "masks/left"\nbackdrop = true', "saturated colour"),
         ('masks = "masks/left"', "masks = 3", "views.left.masks': is 3"),
         ('masks = "masks/left"', 'masks = "masks/top"', "top: cannot be opened"),

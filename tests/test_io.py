@@ -352,11 +352,6 @@ def test_directory_that_claims_more_than_the_file_is_long(clip):
     refused(read_recording, clip, "key 'K': claims 1000000000 bytes that the file cannot hold")
 
 
-def test_more_than_the_ceiling_is_refused(clip, monkeypatch):
-    monkeypatch.setattr("jaxskel.io._archive._MAX_BYTES", 1000)
-    refused(read_recording, clip, "split the recording")
-
-
 def test_member_that_is_no_array(clip):
     replace_member(clip, "K", b"not an array")
     refused(read_recording, clip, "key 'K': is not a NumPy array")
