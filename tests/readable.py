@@ -65,7 +65,9 @@ def _matrices(name: str) -> Reader:
     sizes = {f"cam{i}": size for i, size in enumerate(sizes_of(rig).values())}
 
     def write(folder: Path) -> Path:
-        np.save(folder / name, matrices) if name.endswith(".npy") else np.savetxt(folder / name, matrices.reshape(-1, 4))
+        np.save(folder / name, matrices) if name.endswith(".npy") else np.savetxt(
+            folder / name, matrices.reshape(-1, 4)
+        )
         return folder / name
 
     return Reader(write, lambda path: read_calibration(path, sizes=sizes), is_a_rig)
@@ -98,6 +100,12 @@ def _clip(folder: Path, save: Callable | None = None) -> Path:
     return path
 
 
+def _poses(folder: Path) -> Path:
+    path, table = write_poses(folder, some_poses())
+    table.unlink()
+    return path
+
+
 def _rig_file(folder: Path) -> Path:
     write_calibration(folder / "rig.npz", a_recording().cameras, "+Z")
     return folder / "rig.npz"
@@ -119,7 +127,7 @@ def _pictures(folder: Path, suffix: str, *flags: int) -> Path:
     return folder
 
 
-def _film(folder: Path, name: str, codec: str) -> Path:
+def film(folder: Path, name: str, codec: str) -> Path:
     writer = cv2.VideoWriter(str(folder / name), cv2.VideoWriter.fourcc(*codec), 25.0, SIZE)
     for number in range(4):
         image = np.zeros((*SIZE[::-1], 3), np.uint8)
@@ -177,7 +185,7 @@ def _recording(kind: str) -> Reader:
 
 
 def _film_reader(name: str, codec: str) -> Reader:
-    return Reader(lambda folder: _film(folder, name, codec), _views(Video), are_masks)
+    return Reader(lambda folder: film(folder, name, codec), _views(Video), are_masks)
 
 
 def _picture_reader(suffix: str, *flags: int) -> Reader:
@@ -199,7 +207,7 @@ READERS = {
     "rig": Reader(_rig_file, read_calibration, is_a_rig),
     "sequence": Reader(_clip, read_recording, is_a_recording),
     "sequence in parts": Reader(lambda folder: _clip(folder, np.savez), _read_in_parts, is_a_recording),
-    "poses": Reader(lambda folder: write_poses(folder, some_poses())[0], read_poses, is_finite),
+    "poses": Reader(_poses, read_poses, is_finite),
     "truth": Reader(_clip, read_truth, lambda found: is_finite(found[0])),
     "subject": Reader(_subject, read_subject, is_finite),
     "body": Reader(_subject, read_body, lambda found: None if found is None else is_finite(found)),
@@ -217,7 +225,7 @@ READERS = {
     "mp4": _film_reader("a.mp4", "mp4v"),
     "mkv": _film_reader("a.mkv", "FFV1"),
     "film of a board": Reader(
-        lambda folder: _film(folder, "b.avi", "MJPG"), lambda path: list(some_frames(path, 3)), are_images
+        lambda folder: film(folder, "b.avi", "MJPG"), lambda path: list(some_frames(path, 3)), are_images
     ),
     "proposal of folders": _proposer("folders"),
     "proposal of an archive": _proposer("archive"),

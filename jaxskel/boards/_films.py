@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from ..io._archive import fault
-from ..io._capture import opened
+from ..io._capture import grab, opened, retrieve
 from ..io._images import is_picture, read_image
 from ._board import LOOKS, Board, search
 
@@ -81,12 +81,11 @@ def some_frames(film: str | Path, count: int) -> Iterator[UInt8[np.ndarray, "h w
         # The header's count may be off by some frames, and seeking lands on key frames: hence one after the other.
         wanted = set(((np.arange(count) + 0.5) * max(total, 1.0) / count).astype(int).tolist())
         number, given = 0, 0
-        while number <= max(wanted) and capture.grab():
-            if number in wanted:
-                there, image = capture.retrieve()
-                if there:
-                    given += 1
-                    yield image
+        while number <= max(wanted) and grab(capture):
+            image = retrieve(capture) if number in wanted else None
+            if image is not None:
+                given += 1
+                yield image
             number += 1
     finally:
         capture.release()

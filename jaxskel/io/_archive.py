@@ -18,6 +18,7 @@ import numpy as np
 _MAX_BYTES = 2**28
 # The text before an array's numbers; NumPy writes some 100 bytes and refuses more than 10 000.
 _HEADER = 20_000
+_MESSAGE = 1000  # characters
 # Deflate cannot shrink data further than this; a member that claims more lies about its size.
 _MAX_DEFLATE_RATIO = 1032
 # No length (m), focal length (px) or lens coefficient comes near this; refusing it keeps later squares
@@ -65,8 +66,13 @@ def numbers(
 
 def fault(path: Path, key: str | None, message: str) -> ValueError:
     """The one line for a fault of a file, whatever line breaks its names and texts hold."""
-    place = f"{path}: " if key is None else f"{path}: key {key!r}: "
-    return ValueError(" ".join((place + message).split()))
+    place = f"{path}: " if key is None else f"{path}: key {_cut(key)!r}: "
+    return ValueError(" ".join((place + _cut(message)).split()))
+
+
+def _cut(text: str) -> str:
+    """A text whose middle is left out where it is too long to be read: names in files have any length."""
+    return text if len(text) <= _MESSAGE else f"{text[: _MESSAGE // 2]} ... {text[-_MESSAGE // 2 :]}"
 
 
 def short(array: np.ndarray) -> str:
@@ -95,7 +101,9 @@ def read_arrays(
         if sum(info.file_size for info in wanted.values()) > most:
             largest = max(wanted, key=lambda key: wanted[key].file_size)
             raise fault(
-                path, largest, f"is too long: {', '.join(wanted)} take more than {most >> 20} MiB together; split the file"
+                path,
+                largest,
+                f"is too long: {', '.join(wanted)} take more than {most >> 20} MiB together; split the file",
             )
         arrays = {}
         for key, info in wanted.items():

@@ -1,10 +1,13 @@
 """Videos that may come from anywhere: what they claim is looked at before their frames are decoded."""
 
+import os
 import re
 import struct
 from pathlib import Path
 
 import cv2
+import numpy as np
+from jaxtyping import UInt8
 
 from ._archive import fault
 from ._bounded import check_pixels
@@ -23,7 +26,7 @@ def opened(path: Path) -> cv2.VideoCapture:
     Raises:
         ValueError: One line, where the file is no video, or claims what would fill the memory.
     """
-    if not path.is_file():
+    if not os.path.isfile(path):  # of any text, while Path.is_file raises where it is too long
         raise fault(path, None, "cannot be opened (no such file); check the path")
     try:
         _check_counts(path)
@@ -39,6 +42,23 @@ def opened(path: Path) -> cv2.VideoCapture:
 def size_of(capture: cv2.VideoCapture) -> tuple[int, int]:
     """Width and height of a video's frames (px)."""
     return int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
+
+
+def grab(capture: cv2.VideoCapture) -> bool:
+    """Go to the next frame, if there is one that can be read: on hostile bytes OpenCV raises."""
+    try:
+        return capture.grab()
+    except cv2.error:
+        return False
+
+
+def retrieve(capture: cv2.VideoCapture) -> UInt8[np.ndarray, "h w 3"] | None:
+    """The frame that was gone to, if it can be decoded."""
+    try:
+        there, image = capture.retrieve()
+    except cv2.error:
+        return None
+    return np.asarray(image) if there and image is not None else None
 
 
 def _check_counts(path: Path) -> None:

@@ -61,7 +61,7 @@ class _NotAnImage(Exception):
 def _size(content: bytes) -> tuple[int, int]:
     """Width and height (px) that a header claims; of several claims, the largest."""
     if content.startswith(_PNG):
-        return struct.unpack_from(">II", content, 16)
+        return _size_of_png(content)
     if content.startswith(_BMP):
         is_old = struct.unpack_from("<I", content, 14)[0] == 12
         width, height = struct.unpack_from("<HH" if is_old else "<ii", content, 18)
@@ -76,6 +76,17 @@ def _size(content: bytes) -> tuple[int, int]:
 _PNG, _BMP, _JPEG = b"\x89PNG\r\n\x1a\n", b"BM", b"\xff\xd8"
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _STARTS = (_PNG, _BMP, _JPEG, *_TIFF)
+
+
+def _size_of_png(content: bytes) -> tuple[int, int]:
+    place, kind = len(_PNG), b""
+    # OpenCV takes memory for as much as a chunk claims.
+    while kind != b"IEND":
+        length, kind = struct.unpack_from(">I4s", content, place)
+        place += 12 + length
+        if place > len(content):
+            raise _NotAnImage
+    return struct.unpack_from(">II", content, 16)
 
 
 def _size_of_jpeg(content: bytes) -> tuple[int, int]:

@@ -1,5 +1,6 @@
 """A view's table in a `recording.toml`: which images, and what is the person in them."""
 
+import os
 import reprlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -70,7 +71,7 @@ def open_frames(path: Path, key: str, value: Any) -> Frames:
     if colon and archive.endswith(".npz"):
         return MaskArchive(path.parent / archive, member)
     place = path.parent / value
-    return ImageFolder(place) if place.is_dir() else Video(place)
+    return ImageFolder(place) if os.path.isdir(place) else Video(place)
 
 
 def text(path: Path, key: str, value: Any) -> str:

@@ -81,7 +81,9 @@ def read_folder(folder: Path, in_memory: int) -> Recording:
     try:
         silhouettes = ViewSilhouettes(views, numbers, in_memory)
     except OSError as error:
-        raise fault(path, "frames", f"their silhouettes do not fit on the disk ({error.strerror}); state fewer") from None
+        raise fault(
+            path, "frames", f"their silhouettes do not fit on the disk ({error.strerror}); state fewer"
+        ) from None
     subject = table.get("subject", "subject.toml" if (folder / "subject.toml").is_file() else None)
     return Recording(
         cameras=cameras,
