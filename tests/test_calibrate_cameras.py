@@ -74,7 +74,7 @@ def test_a_film_without_a_board_is_refused_by_camera_and_file(films, tmp_path):
         calibrate_cameras(films | {"c1": tmp_path / "nowhere.avi"}, BOARD, lenses(rig()))
     text = tmp_path / "text.avi"
     text.write_text("no video")
-    with pytest.raises(ValueError, match="no video or picture"):
+    with pytest.raises(ValueError, match=r"camera c1: .*text\.avi: is no video"):
         calibrate_cameras(films | {"c1": text}, BOARD, lenses(rig()))
 
 
