@@ -188,10 +188,10 @@ def test_a_file_that_is_too_long(name, tmp_path):
     assert "too long for a calibration" in refused(tmp_path / name)
 
 
-@pytest.mark.parametrize("text", ["a." * 3000 + "a = 1", "[" + "a." * 50 + "a]"])
+@pytest.mark.parametrize("text", ["a." * 1500 + "a = 1", "[" + "a." * 150 + "a]"])
 def test_toml_that_would_take_hours(text, tmp_path):
     (tmp_path / "a.toml").write_text(text)
-    assert "has a line that is no calibration's" in refused(tmp_path / "a.toml")
+    assert "is not TOML (a line is too long" in refused(tmp_path / "a.toml")
 
 
 def test_a_file_of_no_known_format(tmp_path):

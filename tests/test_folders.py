@@ -6,8 +6,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from jaxskel import Recording, default_adult, make_cameras, unpack_silhouettes
 from jaxskel.io import read_recording, write_calibration, write_pose2sim_calibration, write_subject
@@ -157,7 +155,7 @@ def test_a_calibration_for_another_size_is_used_where_the_file_says_so(tmp_path)
         ('masks = "masks/left"', 'images = "masks/left"', "comes without a background"),
         ('masks = "masks/left"', 'images = "masks/left"\nbackdrop = [1, 2]', "[red, green, blue]"),
         ('masks = "masks/left"', 'images = "masks/left"\nmedian = "yes"', "median': is 'yes'; give true"),
-        ('masks = "masks/left"', 'images = "masks/left"\nplate = "none.png"', "none.png: is no image"),
+        ('masks = "masks/left"', 'images = "masks/left"\nplate = "none.png"', "none.png: cannot be opened"),
         ('masks = "masks/left"', 'images = "masks/left"\nbackdrop = true', "saturated colour"),
         ('masks = "masks/left"', "masks = 3", "views.left.masks': is 3"),
         ('masks = "masks/left"', 'masks = "masks/top"', "top: cannot be opened"),
@@ -180,24 +178,6 @@ def test_what_is_wrong_is_named_in_one_line(tmp_path, wrong, right, told):
 def test_a_folder_without_the_file_says_what_writes_it(tmp_path):
     with pytest.raises(ValueError, match="jaxskel init"):
         read_recording(tmp_path)
-
-
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(st.data())
-def test_damaged_files_are_refused_or_read(tmp_path, data):
-    if not (tmp_path / "masks").exists():
-        write_folder(tmp_path)
-        (tmp_path / "whole.toml").write_bytes((tmp_path / "recording.toml").read_bytes())
-    text = (tmp_path / "whole.toml").read_bytes()
-    start = data.draw(st.integers(0, len(text)))
-    stop = data.draw(st.integers(start, min(len(text), start + 20)))
-    (tmp_path / "recording.toml").write_bytes(text[:start] + data.draw(st.binary(max_size=8)) + text[stop:])
-    told = ""
-    try:
-        read_recording(tmp_path)
-    except ValueError as error:
-        told = str(error)
-    assert "\n" not in told
 
 
 def test_calibration_of_a_sequence_file_will_do_too(tmp_path):

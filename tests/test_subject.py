@@ -1,10 +1,7 @@
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from jaxskel._skeleton import JOINT_NAMES, MIRROR_JOINTS, MIRROR_TIPS, Skeleton, default_adult, make_skeleton
 from jaxskel.io import read_subject, write_subject
@@ -148,8 +145,8 @@ def test_wrong_subject_names_file_key_and_remedy(tmp_path, what):
 
 @pytest.mark.parametrize(
     ("content", "remedy"),
-    [(b"stature: 1.75", "is not TOML"), (b"\xff\xfe", "is not TOML"), (b"#" * 200_000, "is longer than 0.1 MB"),
-     (b"a = " + b"[" * 90_000, "is not TOML")],
+    [(b"stature: 1.75", "is not TOML"), (b"\xff\xfe", "is not TOML"),
+     (b"#" * 200_000, "is longer than 0.1 MB, too long"), (b"a = " + b"[" * 90_000, "is not TOML")],
 )  # fmt: skip
 def test_not_toml(tmp_path, content, remedy):
     path = tmp_path / "subject.toml"
@@ -162,30 +159,3 @@ def test_not_toml(tmp_path, content, remedy):
 def test_no_file(tmp_path):
     with pytest.raises(ValueError, match="check the path"):
         read_subject(tmp_path / "none.toml")
-
-
-@pytest.fixture(scope="module")
-def hostile(tmp_path_factory) -> Path:
-    return tmp_path_factory.mktemp("subject") / "hostile.toml"
-
-
-VALUES = st.one_of(st.floats(), st.floats(0.0, 1.6), st.integers(), st.booleans())
-LINES = st.tuples(st.sampled_from(["stature", "lengths", "thigh", *PLACES, "l_hip", "x"]), VALUES)
-
-
-@settings(max_examples=200, deadline=None)
-@given(lines=st.lists(LINES, max_size=5), begin=st.integers(0, 5), junk=st.binary(max_size=5))
-def test_any_text_is_a_subject_or_a_value_error(hostile, lines, begin, junk):
-    written = [f"{key} = {str(value).lower()}" for key, value in lines]
-    written.insert(begin, "[lengths]")
-    hostile.write_bytes("\n".join(written).encode() + junk)
-    refusal = None
-    try:
-        skeleton = read_subject(hostile)
-        assert np.isfinite(lengths(skeleton)).all()
-        assert lengths(skeleton).min() > 0
-    except ValueError as error:
-        refusal = str(error)
-    if refusal is not None:
-        assert refusal.startswith(f"{hostile}: ")
-        assert "\n" not in refusal

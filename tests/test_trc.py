@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 import trc
 from exported import POINT_NAMES, moving, points
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from jaxskel import UP_AXES
 from jaxskel.io import parse_trc, read_trc, write_trc
@@ -183,42 +181,6 @@ def test_files_cut_short_name_the_file_and_its_end(tmp_path):
         read_trc(tmp_path / "cut.trc")
     with pytest.raises(ValueError, match=r"none\.trc: no such file"):
         read_trc(tmp_path / "none.trc")
-
-
-JUNK = st.one_of(
-    st.sampled_from("-1 0 2 1e308 nan inf ² 1_0 99999999999999999999 m mm PathFileType Frame# Time".split()),
-    st.text(max_size=5),
-)
-
-
-@st.composite
-def damaged(draw):
-    """The small file with some cells replaced, and some lines left out, doubled or cut."""
-    lines = [line.split("\t") for line in SMALL.split("\n")]
-    for _ in range(draw(st.integers(0, 3))):
-        line = draw(st.integers(0, len(lines) - 1))
-        lines[line] = list(lines[line])
-        lines[line][draw(st.integers(0, len(lines[line]) - 1))] = draw(JUNK)
-    for _ in range(draw(st.integers(0, 2))):
-        line = draw(st.integers(0, len(lines) - 1))
-        lines[line : line + 1] = [lines[line]] * draw(st.sampled_from([0, 2]))
-    text = "\n".join("\t".join(cells) for cells in lines)
-    return text[: draw(st.integers(0, len(text)))] if draw(st.booleans()) else text
-
-
-@settings(deadline=None, max_examples=300)
-@given(st.one_of(damaged(), st.text()))
-def test_any_text_is_read_as_finite_markers_or_refused_in_one_line(text):
-    try:
-        markers = parse_trc(text, name="any.trc")
-    except ValueError as error:
-        assert len(str(error).splitlines()) == 1  # noqa: PT017
-        assert str(error).startswith("any.trc:")  # noqa: PT017
-    else:
-        assert len(markers) >= 1
-        assert markers.positions.shape == (len(markers.frame_index), len(markers.names), 3)
-        assert not np.isinf(markers.positions).any()
-        assert markers.fps > 0
 
 
 @pytest.mark.skipif(not REFERENCE.is_dir(), reason="the files of Pose2Sim are not beside this checkout")

@@ -8,6 +8,9 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from ..io._archive import fault
+from ..io._capture import grab, opened, retrieve
+from ..io._images import is_picture, read_image
 from ._board import LOOKS, Board, search
 
 _FRAMES = 5  # of a board at rest: enough to tell whether it rests
@@ -66,30 +69,28 @@ def some_frames(film: str | Path, count: int) -> Iterator[UInt8[np.ndarray, "h w
     """Frames of a video, evenly spread, in the order of time; all if there are fewer; a picture as one frame.
 
     Raises:
-        ValueError: The file is not there, or is no video or picture.
+        ValueError: The file is not there, or is no video or picture; one line that names it.
     """
-    if not Path(film).is_file():
-        raise ValueError(f"{film}: there is no such file")
-    capture = cv2.VideoCapture(str(film))
+    film = Path(film)
+    if is_picture(film):
+        yield read_image(film, cv2.IMREAD_COLOR)
+        return
+    capture = opened(film)
     try:
-        total = round(capture.get(cv2.CAP_PROP_FRAME_COUNT)) if capture.isOpened() else 0
+        total = capture.get(cv2.CAP_PROP_FRAME_COUNT)
         # The header's count may be off by some frames, and seeking lands on key frames: hence one after the other.
-        wanted = set(((np.arange(count) + 0.5) * max(total, 1) / count).astype(int).tolist())
+        wanted = set(((np.arange(count) + 0.5) * max(total, 1.0) / count).astype(int).tolist())
         number, given = 0, 0
-        while capture.isOpened() and number <= max(wanted) and capture.grab():
-            if number in wanted:
-                there, image = capture.retrieve()
-                if there:
-                    given += 1
-                    yield image
+        while number <= max(wanted) and grab(capture):
+            image = retrieve(capture) if number in wanted else None
+            if image is not None:
+                given += 1
+                yield image
             number += 1
     finally:
         capture.release()
     if given == 0:
-        image = cv2.imread(str(film), cv2.IMREAD_COLOR)
-        if image is None:
-            raise ValueError(f"{film}: no video or picture that OpenCV reads; convert it to MP4, AVI or PNG")
-        yield image
+        raise fault(film, None, "holds no frame that can be read; it is damaged or cut short: write it again")
 
 
 def _apart(one: np.ndarray, other: np.ndarray) -> float:

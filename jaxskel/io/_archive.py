@@ -4,7 +4,9 @@ Its claims are checked against its bytes before memory is taken for them, pickle
 every fault is a `ValueError` of one line that names file and key and how to mend it.
 """
 
+import io
 import math
+import reprlib
 import zipfile
 from contextlib import ExitStack
 from pathlib import Path
@@ -12,7 +14,11 @@ from typing import IO
 
 import numpy as np
 
-_MAX_BYTES = 16 * 2**30
+# Joints and tips of ten hours at 30 frames a second, and not what a small file unpacks to.
+_MAX_BYTES = 2**28
+# The text before an array's numbers; NumPy writes some 100 bytes and refuses more than 10 000.
+_HEADER = 20_000
+_MESSAGE = 1000  # characters
 # Deflate cannot shrink data further than this; a member that claims more lies about its size.
 _MAX_DEFLATE_RATIO = 1032
 # No length (m), focal length (px) or lens coefficient comes near this; refusing it keeps later squares
@@ -60,23 +66,45 @@ def numbers(
 
 def fault(path: Path, key: str | None, message: str) -> ValueError:
     """The one line for a fault of a file, whatever line breaks its names and texts hold."""
-    place = f"{path}: " if key is None else f"{path}: key {key!r}: "
-    return ValueError(" ".join((place + message).split()))
+    place = f"{path}: " if key is None else f"{path}: key {_cut(key)!r}: "
+    return ValueError(" ".join((place + _cut(message)).split()))
+
+
+def _cut(text: str) -> str:
+    """A text whose middle is left out where it is too long to be read: names in files have any length."""
+    return text if len(text) <= _MESSAGE else f"{text[: _MESSAGE // 2]} ... {text[-_MESSAGE // 2 :]}"
 
 
 def short(array: np.ndarray) -> str:
     """A value for a message: itself where it is single, otherwise its kind."""
-    return repr(array.reshape(()).item()) if array.size == 1 else f"{array.dtype} of shape {array.shape}"
+    return reprlib.repr(array.reshape(()).item()) if array.size == 1 else f"{array.dtype} of shape {array.shape}"
 
 
-def read_arrays(path: Path, required: tuple[str, ...], optional: tuple[str, ...]) -> dict[str, np.ndarray]:
-    """Read the named arrays of an `.npz` archive, checking what they claim against what is there."""
+def read_arrays(
+    path: Path, required: tuple[str, ...], optional: tuple[str, ...], most: int = _MAX_BYTES
+) -> dict[str, np.ndarray]:
+    """Read the named arrays of an `.npz` archive, checking what they claim against what is there.
+
+    Args:
+        path: The file.
+        required: Arrays that must be there.
+        optional: Arrays that may be there.
+        most: The greatest length of all together (bytes).
+
+    Raises:
+        ValueError: One line that names the file, the key and how to mend it.
+    """
     with _opened(path) as archive:
         wanted = _members(path, archive, required, optional)
         for key, info in wanted.items():
             _header(path, key, archive, info)
-        if sum(info.file_size for info in wanted.values()) > _MAX_BYTES:
-            raise fault(path, required[0], f"the arrays need more than {_MAX_BYTES >> 30} GiB; split the recording")
+        if sum(info.file_size for info in wanted.values()) > most:
+            largest = max(wanted, key=lambda key: wanted[key].file_size)
+            raise fault(
+                path,
+                largest,
+                f"is too long: {', '.join(wanted)} take more than {most >> 20} MiB together; split the file",
+            )
         arrays = {}
         for key, info in wanted.items():
             try:
@@ -178,7 +206,8 @@ def _header(
             f"claims {info.file_size} bytes that the file cannot hold; it is damaged, write it again",
         )
     try:
-        with archive.open(info) as stream:
+        with archive.open(info) as member:
+            stream = io.BytesIO(member.read(_HEADER))
             version = np.lib.format.read_magic(stream)
             one = version == (1, 0)
             read_header = np.lib.format.read_array_header_1_0 if one else np.lib.format.read_array_header_2_0

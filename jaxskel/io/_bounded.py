@@ -1,8 +1,24 @@
-"""Bytes of a file that may be anything, of any size."""
+"""Files that may be anything, of any size."""
 
 from pathlib import Path
 
 from ._archive import fault
+
+# A square of 8192 px: twice what the largest video cameras have.
+MOST_PIXELS = 2**26
+
+
+def check_pixels(path: Path, width: int, height: int, key: str | None = None) -> None:
+    """Refuse images (px) that would fill the memory.
+
+    Raises:
+        ValueError: One line that names the file, the key and how to mend it.
+    """
+    if width * height > MOST_PIXELS:
+        raise fault(
+            path, key, f"claims images of {width} x {height} px, more than {MOST_PIXELS} pixels; reduce them, or if it "
+            "is damaged, write it again",
+        )  # fmt: skip
 
 
 def read_bounded(path: Path, most: int, wanted: str) -> bytes:

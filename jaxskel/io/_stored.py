@@ -6,6 +6,7 @@ from jaxtyping import Int, UInt8
 from .._camera import Cameras
 from .._silhouettes import AbstractSilhouettes
 from ._archive import StoredRows, fault
+from ._bounded import check_pixels
 
 # Bytes that are read at once, at least a frame.
 _CHUNK = 16 << 20
@@ -28,6 +29,7 @@ class StoredSilhouettes(AbstractSilhouettes):
             raise fault(path, "silhouettes", "no frames; record at least one")
         if cams != len(cameras):
             raise fault(path, "silhouettes", f"{cams} cameras but K holds {len(cameras)}; give one view a camera")
+        check_pixels(path, width, tallest, "size")
         packed_width = -(-width // 8)
         if height != tallest or across not in (packed_width, width) or (dtype.kind == "b" and across != width):
             raise fault(

@@ -10,6 +10,9 @@ from ._archive import fault
 from ._bounded import read_bounded
 
 _MAX_BYTES = 100_000
+# The reader of TOML takes time by the square of the parts of a key, a.b.c: minutes, for a file that is nothing else.
+# Nobody's lines are longer, or hold more keys and numbers with a dot.
+_LONGEST_LINE, _MOST_DOTS = 4000, 100
 
 
 def read_toml(path: Path, known: Iterable[str], wanted: str, example: str) -> dict[str, Any]:
@@ -23,12 +26,24 @@ def read_toml(path: Path, known: Iterable[str], wanted: str, example: str) -> di
     """
     content = read_bounded(path, _MAX_BYTES, f"a TOML file with {wanted}")
     try:
-        table = tomllib.loads(content.decode())
-    except (ValueError, RecursionError) as error:
+        text = content.decode()
+    except UnicodeDecodeError as error:
         raise fault(path, None, f"is not TOML ({error}); write for example: {example}") from None
+    table = parse_toml(path, text, f"write for example: {example}")
     for key in table:
         check_known(path, key, known)
     return table
+
+
+def parse_toml(path: Path, text: str, remedy: str) -> dict[str, Any]:
+    """What a text says, or the fault of the file that it is of, which ends with the remedy."""
+    for line in text.splitlines():
+        if len(line) > _LONGEST_LINE or line.count(".") > _MOST_DOTS:
+            raise fault(path, None, f"is not TOML (a line is too long: {line[:60]!r}); {remedy}")
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise fault(path, None, f"is not TOML ({error}); {remedy}") from None
 
 
 def check_known(path: Path, key: str, known: Iterable[str], where: str = "") -> None:

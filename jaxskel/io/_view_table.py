@@ -1,5 +1,6 @@
 """A view's table in a `recording.toml`: which images, and what is the person in them."""
 
+import os
 import reprlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -11,6 +12,7 @@ from jaxtyping import UInt8
 
 from ..backgrounds import Background, Cleaning, backdrop_of, backdrop_of_colour, plate_of
 from ._archive import fault
+from ._images import read_image
 from ._toml import check_known
 from .views import CutOut, Frames, ImageFolder, MaskArchive, Masks, Matte, Video, View, in_colour, is_image
 
@@ -59,8 +61,8 @@ def read_view(path: Path, name: str, table: Mapping[str, Any], fps: float, clean
     offset = table.get("offset", 0)
     if type(offset) is not int or abs(offset) > 10**9:
         raise fault(path, f"{where}offset", f"is {reprlib.repr(offset)}; give a whole number of images")
-    rate = number(path, f"{where}fps", table["fps"], "images per second") if "fps" in table else fps
-    return View(name, frames, matte, offset, rate / fps)
+    own = rate(path, f"{where}fps", table["fps"], "images per second") if "fps" in table else fps
+    return View(name, frames, matte, offset, own / fps)
 
 
 def open_frames(path: Path, key: str, value: Any) -> Frames:
@@ -68,7 +70,7 @@ def open_frames(path: Path, key: str, value: Any) -> Frames:
     place = place_of(path.parent, text(path, key, value))
     if _is_member(value):
         return MaskArchive(place, value.rpartition(":")[2])
-    return ImageFolder(place) if place.is_dir() else Video(place)
+    return ImageFolder(place) if os.path.isdir(place) else Video(place)
 
 
 def place_of(folder: Path, value: str) -> Path:
@@ -88,18 +90,25 @@ def text(path: Path, key: str, value: Any) -> str:
     return value
 
 
-def number(path: Path, key: str, value: Any, what: str) -> float:
+def rate(path: Path, key: str, value: Any, what: str) -> float:
+    """Check a number of images per second."""
+    return number(path, key, value, what, 1e-4, 1e6)
+
+
+def number(path: Path, key: str, value: Any, what: str, least: float, most: float) -> float:
     """Check a positive number."""
-    if type(value) not in (int, float) or not 0 < value < 1e6:
+    if type(value) not in (int, float) or not least <= value <= most:
         told = "is missing" if value is None else f"is {reprlib.repr(value)}"
-        raise fault(path, key, f"{told}; give a positive number of {what}")
+        raise fault(path, key, f"{told}; give a positive number of {what}, {least:g} to {most:g}")
     return float(value)
 
 
 def _background(path: Path, where: str, key: str, value: Any, frames: Frames, shadows: bool) -> Background:
     if key == "plate":
         place = path.parent / text(path, where, value)
-        return plate_of([_still(place)] if is_image(place) else _some(open_frames(path, where, value)), shadows)
+        still = is_image(place)
+        images = [read_image(place, cv2.IMREAD_COLOR)] if still else _some(open_frames(path, where, value))
+        return plate_of(images, shadows)
     if value is True:
         return plate_of(_some(frames), shadows) if key == "median" else backdrop_of(_some(frames))
     if key == "backdrop" and isinstance(value, list) and len(value) == 3:
@@ -119,10 +128,3 @@ def _some(frames: Frames) -> Iterator[UInt8[np.ndarray, "h w 3"]]:
         image = frames.read(chosen)
         if image is not None:
             yield in_colour(image)
-
-
-def _still(place: Path) -> UInt8[np.ndarray, "h w 3"]:
-    image = cv2.imread(str(place), cv2.IMREAD_COLOR)
-    if image is None:
-        raise fault(place, None, "is no image that can be read; check the path, or write it again")
-    return np.asarray(image)

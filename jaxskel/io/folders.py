@@ -40,13 +40,15 @@ from .._recording import UP_AXES, Recording
 from ..backgrounds import Cleaning
 from ._archive import fault
 from ._toml import check_known, read_toml
-from ._view_table import number, read_view, text
+from ._view_table import number, rate, read_view, text
 from .calibrations import contents_of, validated
 from .subject import read_subject
 from .views import View, ViewSilhouettes
 
 RECORDING_FILE = "recording.toml"
 SUBJECT_FILE = "subject.toml"
+# A day at 100 frames per second, as of a video: numbers of images further apart are no recording.
+_MOST_FRAMES = 10_000_000
 KEYS = ("fps", "calibration", "up", "unit", "frames", "subject", "views", "cleaning")
 
 
@@ -66,16 +68,27 @@ def read_folder(folder: Path, in_memory: int) -> Recording:
     if not path.is_file():
         raise fault(folder, None, f"holds no {RECORDING_FILE}; `jaxskel init {folder}` writes one")
     table = read_toml(path, KEYS, "fps, calibration and views", 'calibration = "calibration.toml"')
-    fps = number(path, "fps", table.get("fps"), "frames per second")
+    fps = rate(path, "fps", table.get("fps"), "frames per second")
     cleaning, shadows = _cleaning(path, table)
     views = [read_view(path, name, view, fps, cleaning, shadows) for name, view in _views(path, table).items()]
     cameras, up = _calibrated(path, table, views)
     first, last = _span(path, table, views)
+    if last - first >= _MOST_FRAMES:
+        raise fault(
+            path, "frames", f"{first} to {last} are more than {_MOST_FRAMES} frames; check the numbers in the images' "
+            "names and fps, or state fewer",
+        )  # fmt: skip
     numbers = np.arange(first, last + 1)
+    try:
+        silhouettes = ViewSilhouettes(views, numbers, in_memory)
+    except OSError as error:
+        raise fault(
+            path, "frames", f"their silhouettes do not fit on the disk ({error.strerror}); state fewer"
+        ) from None
     subject = table.get("subject", SUBJECT_FILE if (folder / SUBJECT_FILE).is_file() else None)
     return Recording(
         cameras=cameras,
-        silhouettes=ViewSilhouettes(views, numbers, in_memory),
+        silhouettes=silhouettes,
         fps=fps,
         up=up,
         frame_index=numbers,
@@ -96,7 +109,7 @@ def _views(path: Path, table: dict[str, Any]) -> dict[str, Mapping[str, Any]]:
 def _calibrated(path: Path, table: dict[str, Any], views: list[View]) -> tuple[Cameras, str]:
     """The cameras in the order of the views, under their names and with the sizes of their images; and the up axis."""
     source = _beside(path, "calibration", table.get("calibration"))
-    unit = number(path, "unit", table["unit"], "metres per unit") if "unit" in table else None
+    unit = number(path, "unit", table["unit"], "metres per unit", 1e-9, 1e3) if "unit" in table else None
     tables = table["views"]
     names = [text(path, f"views.{v.name}.camera", tables[v.name].get("camera", v.name)) for v in views]
     if len(set(names)) < len(names):

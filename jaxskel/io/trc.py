@@ -20,6 +20,9 @@ _KEYS = (
 _METRES = {"m": 1.0, "meters": 1.0, "metres": 1.0, "cm": 0.01, "mm": 0.001, "millimeters": 0.001, "millimetres": 0.001}
 # No recording is larger than this, and no marker farther away (m): refused before it is worked on.
 _MOST_BYTES, _FARTHEST = 2_000_000_000, 1e6
+# Rows may be cut short, so that few bytes claim many markers in many frames: an hour of 50 markers at 100 frames a
+# second is less.
+_MOST_POSITIONS = 20_000_000
 
 
 def write_trc(path: str | Path, poses: Poses, *, up: str = "+Y", millimetres: bool = False) -> Path:
@@ -116,6 +119,8 @@ def parse_trc(text: str, *, up: str = "+Y", name: str = "TRC") -> Markers:
         )
     if not names or len(set(names)) != len(names):
         raise ValueError(f"{name}:4: there is no marker, or two of the same name")
+    if len(names) * (len(lines) - 5) > _MOST_POSITIONS:
+        raise ValueError(f"{name}:4: {len(names)} markers in {len(lines) - 5} lines are too many; cut it into parts")
     rows = [
         _row(cells, len(names), f"{name}:{number}")
         for number, cells in enumerate((line.split("\t") for line in lines[5:]), 6)

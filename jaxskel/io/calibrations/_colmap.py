@@ -1,5 +1,8 @@
 """COLMAP's sparse model as text: `cameras.txt` and `images.txt`."""
 
+import re
+from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
@@ -15,6 +18,7 @@ _FOCAL_LENGTHS = {"SIMPLE_PINHOLE": 1, "PINHOLE": 2, "SIMPLE_RADIAL": 1, "RADIAL
 _DISTORTIONS = {"SIMPLE_PINHOLE": 0, "PINHOLE": 0, "SIMPLE_RADIAL": 1, "RADIAL": 2, "OPENCV": 4, "FULL_OPENCV": 8}
 # COLMAP counts from the corner of the first pixel, OpenCV from its centre.
 _HALF_PIXEL = 0.5
+_MOST_WORDS = 20  # of a lens: more are refused, however many there are
 
 
 class _Lens(NamedTuple):
@@ -44,10 +48,15 @@ def read_colmap(folder: Path) -> Contents:
     return Contents("COLMAP", entries, None, None)
 
 
+def _words(line: str) -> Iterator[str]:
+    """The words of a line that may hold millions of them, one at a time."""
+    return (found[0] for found in re.finditer(r"\S+", line))
+
+
 def _lenses(path: Path) -> dict[str, _Lens]:
     found = {}
     for line in read_text(path).splitlines():
-        words = line.split()
+        words = list(islice(_words(line), _MOST_WORDS))
         if not words or words[0].startswith("#"):
             continue
         if len(words) < 4:
@@ -81,12 +90,13 @@ def _poses(path: Path) -> list[list[str]]:
         if not words or words[0].startswith("#"):
             continue
         is_pose = len(words) == 10
-        if is_pose and all(isinstance(to_number(word), float) for word in line.split()):
+        count = sum(1 for _ in _words(line))
+        if is_pose and all(isinstance(to_number(word), float) for word in _words(line)):
             # Points come in threes, and a name of digits makes ten words.
-            is_pose = len(line.split()) % 3 != 0
+            is_pose = count % 3 != 0
         if is_pose:
             found.append(words)
-        elif len(line.split()) % 3:
+        elif count % 3:
             raise fault(path, None, f"is cut off: {line[:60]!r}; export the model again")
     return found
 

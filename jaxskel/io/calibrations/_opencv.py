@@ -1,5 +1,6 @@
 """OpenCV's YAML, one camera a file: what its calibration samples write, with the pose of the camera added."""
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ def read_opencv(path: Path) -> Contents:
     No unit is stated: metres are taken.
     """
     files = [path]
-    if path.is_dir():
+    if os.path.isdir(path):
         files = sorted(
             (file for file in path.iterdir() if file.suffix.lower() in (".yml", ".yaml")),
             key=lambda file: natural_order(file.name),

@@ -5,6 +5,7 @@ OpenCV's own reader ends the process on hostile text, and YAML's general readers
 
 import re
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -102,9 +103,9 @@ def _items(path: Path, key: str, text: str) -> list[float | str]:
     # Lists of lists, which OpenCV does not write, are taken as one list; their lengths are checked by the caller.
     if not text.endswith("]"):
         raise fault(path, key, "is cut off: a list without its end; export it again")
-    words = [word for word in re.split(r"[,\s\[\]]+", text) if word]
+    words = [found[0] for found in islice(re.finditer(r"[^,\s\[\]]+", text), _MOST_NUMBERS + 1)]
     if len(words) > _MOST_NUMBERS:
-        raise fault(path, key, f"holds {len(words)} numbers, too many for a calibration")
+        raise fault(path, key, f"holds more than {_MOST_NUMBERS} numbers, too many for a calibration")
     return [_scalar(word) for word in words]
 
 

@@ -11,13 +11,15 @@ from ._text import natural_order, read_text, split_numbers
 
 # A matrix whose left block squeezes space more than this is no camera: focal lengths are 10 to 1e5 px.
 _MOST_SQUEEZED = 1e8
+# A thousand cameras take a quarter of this (bytes).
+_MAX_BYTES = 1_000_000
 # Numbers below this are no matrix that a program wrote; dividing by them would overflow.
 _FAINTEST = 1e-9
 
 
 def read_projection_text(path: Path) -> Contents:
     """Three rows of four numbers a camera; a first line ``CONTOUR``, as multi-view stereo has it, is skipped."""
-    words = read_text(path).split()
+    words = read_text(path, _MAX_BYTES).split()
     found = split_numbers(path, "of all rows", "the file", " ".join(words[words[:1] == ["CONTOUR"] :]))
     if len(found) == 0 or len(found) % 12:
         raise fault(path, None, f"holds {len(found)} numbers; give three rows of four for each camera")

@@ -1,5 +1,6 @@
 """Which reader takes a path."""
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -51,7 +52,7 @@ def contents_of(path: Path) -> Contents:
     name, suffix = path.name.lower(), path.suffix.lower()
     if suffix in _PICKLES:
         raise fault(path, None, "is a pickle, which can run any program and is never read; save numpy.savez instead")
-    if path.is_dir():
+    if os.path.isdir(path):
         return _of_folder(path)
     if name in _easymocap.PAIR:
         return _easymocap.read_easymocap(path.parent)

@@ -1,7 +1,6 @@
 """TOML of Pose2Sim, Anipose, FreeMoCap and Caliscope: one table a camera."""
 
 import json
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -9,17 +8,14 @@ import numpy as np
 
 from ..._camera import Cameras
 from ..._files import written_whole
-from .._archive import fault
+from .._toml import parse_toml
 from ._calibration import CameraEntry, Contents, camera_fault
 from ._text import natural_order, numbers, read_text, rotation, to_vector
 
 _KEYS = ("size", "matrix", "distortions", "rotation", "translation")
 _MILLIMETRE = 0.001
-# A camera takes 1 kB. The reader of TOML takes time by the square of the parts of a key, a.b.c: hours, for a file that
-# is nothing else, so lines are no longer than a camera, and tables no deeper than anybody's.
+# A camera takes 1 kB.
 _MAX_BYTES = 2_000_000
-_LONGEST_LINE = 4000
-_DEEPEST = 30
 
 
 def read_toml(path: Path) -> Contents:
@@ -31,14 +27,7 @@ def read_toml(path: Path) -> Contents:
     cam_2 before cam_10, and those that Caliscope ignores are left out. Its ``rotation_count`` says how an image is
     shown; the calibration is that of the image as recorded.
     """
-    text = read_text(path, _MAX_BYTES)
-    for line in text.splitlines():
-        if len(line) > _LONGEST_LINE or line.partition("=")[0].count(".") > _DEEPEST:
-            raise fault(path, None, f"has a line that is no calibration's: {line[:60]!r}; export it again")
-    try:
-        table = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise fault(path, None, f"is not TOML ({error}); export the calibration again") from None
+    table = parse_toml(path, read_text(path, _MAX_BYTES), "export the calibration again")
     nested = table.get("cameras")
     is_caliscope = isinstance(nested, dict)
     found = {

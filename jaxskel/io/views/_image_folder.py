@@ -3,11 +3,11 @@
 import re
 from pathlib import Path
 
-import cv2
 import numpy as np
 from jaxtyping import Shaped
 
 from .._archive import fault
+from .._images import read_image
 
 SUFFIXES = (".png", ".bmp", ".tif", ".tiff", ".jpg", ".jpeg")
 
@@ -39,7 +39,7 @@ class ImageFolder:
             self._files[number] = file
         if not self._files:
             raise fault(path, None, f"holds no images ({', '.join(SUFFIXES)}); check the path")
-        height, width = _decoded(self._files[self.span[0]]).shape[:2]
+        height, width = read_image(self._files[self.span[0]]).shape[:2]
         self.size = width, height
 
     @property
@@ -57,7 +57,7 @@ class ImageFolder:
         file = self._files.get(number)
         if file is None:
             return None
-        image = _decoded(file)
+        image = read_image(file)
         height, width = image.shape[:2]
         if (width, height) != self.size:
             first = self._files[self.span[0]].name
@@ -68,13 +68,3 @@ class ImageFolder:
 def is_image(file: Path) -> bool:
     """Whether a file is an image by its name, and not a hidden one."""
     return file.suffix.lower() in SUFFIXES and not file.name.startswith(".")
-
-
-def _decoded(file: Path) -> Shaped[np.ndarray, "h w *channels"]:
-    try:
-        image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
-    except cv2.error:  # larger than OpenCV agrees to decode
-        image = None
-    if image is None:
-        raise fault(file, None, "is no image that can be read; it is damaged or of another format: write it again")
-    return image

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from .._archive import StoredRows, fault, numbers, read_arrays
+from .._bounded import check_pixels
 
 
 class MaskArchive:
@@ -35,6 +36,7 @@ class MaskArchive:
             width = int(wanted[2])
             if tuple(wanted) != (frames, height, width) or -(-width // 8) != shape[2]:
                 raise fault(path, f"{name}_shape", f"{wanted.tolist()} is not that of {name}, {shape} with packed bits")
+        check_pixels(path, width, height, name)
         self.size = width, height
         self.span = 0, frames - 1
 

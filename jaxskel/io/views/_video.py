@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from .._archive import fault
+from .._capture import grab, opened, retrieve, size_of
 
 VIDEO_SUFFIXES = (".avi", ".mp4", ".mov", ".mkv", ".m4v", ".webm", ".mpg", ".mpeg", ".wmv")
 _MOST_FRAMES = 10_000_000  # a day at 100 frames a second: a header that claims more is damaged
@@ -22,11 +23,9 @@ class Video:
             ValueError: One line, where the file is no video.
         """
         self.path = path
-        if not path.is_file():
-            raise fault(path, None, "cannot be opened (no such file); check the path")
-        self._capture = self._opened()
+        self._capture = opened(path)
         self._next = 0
-        self.size = int(self._capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(self._capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
+        self.size = size_of(self._capture)
         rate = self._capture.get(cv2.CAP_PROP_FPS)
         self.fps = float(rate) if np.isfinite(rate) and 0 < rate < 1e5 else None
         claimed = self._capture.get(cv2.CAP_PROP_FRAME_COUNT)
@@ -42,37 +41,34 @@ class Video:
         if number < self._next:
             self._restart()
         # Seeking lands on another frame in some codecs; going through all of them does not.
-        while self._next < number and self._capture.grab():
+        while self._next < number and grab(self._capture):
             self._next += 1
-        there, image = self._capture.read() if self._next == number else (False, None)
-        if not there or image is None:
+        image = retrieve(self._capture) if self._next == number and grab(self._capture) else None
+        if image is None:
             raise fault(self.path, None, f"breaks off at frame {self._next} of {self.span[1] + 1}; write it again")
         self._next += 1
         height, width = image.shape[:2]
         if (width, height) != self.size:
             raise fault(self.path, None, f"changes its size to {width} x {height} px at frame {number}")
-        return np.asarray(image)
-
-    def _opened(self) -> cv2.VideoCapture:
-        capture = cv2.VideoCapture(str(self.path))
-        if not capture.isOpened():
-            raise fault(self.path, None, "is no video that can be read; re-encode it, for instance as H.264 in .mp4")
-        return capture
+        return image
 
     def _restart(self) -> None:
         self._capture.release()
-        self._capture, self._next = self._opened(), 0
+        self._capture, self._next = opened(self.path), 0
 
     def _has(self, last: int) -> bool:
         """Whether the last frame is there: headers are written before, and some claim more."""
-        self._capture.set(cv2.CAP_PROP_POS_FRAMES, last)
-        there = self._capture.grab()
+        try:
+            self._capture.set(cv2.CAP_PROP_POS_FRAMES, last)
+            there = grab(self._capture)
+        except cv2.error:
+            there = False
         self._restart()
         return there
 
     def _counted(self) -> int:
         count = 0
-        while count < _MOST_FRAMES and self._capture.grab():
+        while count < _MOST_FRAMES and grab(self._capture):
             count += 1
         self._restart()
         return count
