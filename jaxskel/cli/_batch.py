@@ -18,15 +18,13 @@ from ..batch import (
     Method,
     Outcome,
     Shard,
-    Source,
     find_sources,
-    finished_before,
     run_batch,
 )
 from ..batch import Progress as Frames
 from ..io import read_subject
 from ._run import Box, MaxMisses, Preset, PresetOption, Smooth, Spacing, Subject, Track, check_output, make_settings
-from ._slurm import FOLDER, stop_when_told, submit
+from ._slurm import stop_when_told, submit
 
 _PROCESS = 2 << 30  # bytes that a process may take
 
@@ -68,7 +66,7 @@ def batch(
         read_subject(subject)  # a fault of it is no recording's
     method = Method(settings, smooth_hz, subject)
     if slurm is not None:
-        _send(sources, output, method, jobs or 1, force, slurm, slurm_minutes, slurm_option or [])
+        print(submit(sources, output, method, jobs or 1, force, slurm, slurm_minutes, slurm_option or []))
         return
     stop_when_told()
     begin = time.monotonic()
@@ -130,28 +128,6 @@ class _Display:
         failed = f", {self._failed} failed" if self._failed else ""
         done = self._done + sum(self._parts.values())
         self._progress.update(self._task, completed=done, description=f"recordings{failed}")
-
-
-def _send(
-    sources: list[Source],
-    output: Path,
-    method: Method,
-    jobs: int,
-    force: bool,
-    tasks: int,
-    minutes: int,
-    options: list[str],
-) -> None:
-    """Have Slurm do what is not done."""
-    left = sources if force else [source for source in sources if finished_before(source, output, method) is None]
-    if not left:
-        print(f"{output}: {len(sources)} recordings, all done before")
-        return
-    job = submit(left, output, method, jobs, force, tasks, minutes, options)
-    print(
-        f"{output}: {len(left)} of {len(sources)} recordings in {min(tasks, len(left))} tasks of Slurm job {job}; "
-        f"{output / FOLDER} has what they say, jaxskel summary {output} what became of them"
-    )
 
 
 def _problems(problems: dict[str, Manifest]) -> Table:

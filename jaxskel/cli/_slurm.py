@@ -8,7 +8,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from ..batch import Finished, Method, Progress, Shard, Source, run_batch
+from ..batch import Finished, Method, Progress, Shard, Source, finished_before, run_batch
 from ._cache import forget_compiled, keep_compiled
 
 FOLDER = ".slurm"
@@ -74,11 +74,14 @@ def submit(
     minutes: int,
     options: Sequence[str],
 ) -> str:
-    """Send the recordings as an array of tasks; return the number of the job.
+    """Send the recordings that are not done as an array of tasks, and say so.
 
     Raises:
         ValueError: submitit or Slurm is missing, or an option is none.
     """
+    left = sources if force else [source for source in sources if finished_before(source, output, method) is None]
+    if not left:
+        return f"{output}: {len(sources)} recordings, all done before"
     try:
         import submitit
     except ImportError:
@@ -86,13 +89,13 @@ def submit(
     pairs = [option.partition("=") for option in options]
     if not all(key and sign for key, sign, _ in pairs):
         raise ValueError(f"--slurm-option {' '.join(options)}: give KEY=VALUE, such as partition=long")
-    count = min(tasks, len(sources))
+    count = min(tasks, len(left))
     # The node may begin in another folder.
-    sources = [replace(source, path=source.path.absolute()) for source in sources]
+    left = [replace(source, path=source.path.absolute()) for source in left]
     method = replace(method, subject=None if method.subject is None else method.subject.absolute())
     kept = forget_compiled()
     given = [
-        Task(Shard(number + 1, count).part(sources), output.absolute(), method, jobs, force, kept)
+        Task(Shard(number + 1, count).part(left), output.absolute(), method, jobs, force, kept)
         for number in range(count)
     ]
     try:
@@ -105,4 +108,8 @@ def submit(
     )  # fmt: skip
     with executor.batch():
         sent = [executor.submit(task) for task in given]
-    return sent[0].job_id.partition("_")[0]
+    job = sent[0].job_id.partition("_")[0]
+    return (
+        f"{output}: {len(left)} of {len(sources)} recordings in {count} tasks of Slurm job {job}; "
+        f"{output / FOLDER} has what they say, jaxskel summary {output} what became of them"
+    )
