@@ -102,7 +102,7 @@ def memory(work: Path, recording: Path, options: list[str]) -> None:
     done = watch(total // 20)
     kept = frames()
     print(f"killed at {done} frames, {kept} are kept")
-    watch(total)
+    watch(total + 1)
     resumed = read_manifest(out / recording.stem / "manifest.json").resumed
     print(
         f"{total} frames in {time.perf_counter() - begin:.0f} s; taken up at {resumed}, of the {done} that were done "
