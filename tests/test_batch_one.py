@@ -118,7 +118,7 @@ def test_killed_at_any_step_the_result_is_the_old_one_or_the_new_one(place, monk
         assert len(poses) == done["walk"].frames == 70
     elif before:
         # Only while the new one, whole, is about to take its place.
-        assert finished_before(source, output, METHOD) is not None
+        assert sorted(path.name for path in output.iterdir()) == [".locks", ".walk.old", ".walk.part"]
     batches.clear()
     found = reconstruct_one(source, output, METHOD)
     assert (found.outcome, found.frames) == (Outcome.DONE, 70)
@@ -140,8 +140,11 @@ def test_taken_up_within_the_recording_it_is_byte_for_byte_the_same(place, monke
         reconstruct_one(source, output / "other", METHOD, on_frames=broken_off)
     assert not (output / "other" / "walk").exists()
     batches.clear()
+    shutil.copytree(output / "other", output / "anew")
     again = reconstruct_one(source, output / "other", METHOD)
     assert (batches, again.resumed) == ([64], 64)
+    anew = reconstruct_one(source, output / "anew", METHOD, force=True)
+    assert (batches[1:], anew.resumed, anew.frames) == ([0, 32, 64], 0, 70)
     for name in ("poses.npz", "poses.csv"):
         assert (output / "other" / "walk" / name).read_bytes() == (output / "walk" / name).read_bytes()
 
@@ -161,6 +164,19 @@ def test_failures_are_told_and_the_old_result_stays(place, monkeypatch):
     assert len(read_poses(output / "walk" / "poses.npz")) == 70
     source.path.write_bytes(whole)
     assert reconstruct_one(source, output, METHOD).outcome is Outcome.DONE
+    assert not (output / "walk.failed.json").exists()
+
+
+def test_what_is_no_result_is_not_replaced(place):
+    source, output, _ = place
+    (output / "walk").mkdir(parents=True)
+    (output / "walk" / "notes.txt").write_text("mine")
+    found = reconstruct_one(source, output, METHOD)
+    assert found.problem == f"{output / 'walk'}: is no result, but in the way of one; mend that and run again"
+    assert (output / "walk" / "notes.txt").read_text() == "mine"
+    (output / "walk").rename(output / "elsewhere")
+    found = reconstruct_one(source, output, METHOD)
+    assert (found.outcome, found.frames) == (Outcome.DONE, 70)
     assert not (output / "walk.failed.json").exists()
 
 

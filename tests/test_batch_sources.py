@@ -60,10 +60,17 @@ def test_a_list_is_relative_to_its_own_place_and_keeps_what_is_not_there(tree):
         (["data/.old/empty"], "no recording is found"),
         (["data/a/walk.npz", "data/b/walk.npz"], "data/b/walk.npz: its result would be walk, as that of data/a/walk"),
         (["data/bytes.txt"], "data/bytes.txt: is no sequence file"),
+        (
+            ["data/.nested"],
+            "data/.nested/a.npz: its result would be a, a folder that holds that of data/.nested/a/b.npz",
+        ),
     ],
 )
 def test_refused(tree, given, told):
     (tree / "data/.old/empty").mkdir()
+    (tree / "data/.nested/a").mkdir(parents=True)
+    for name in ("a", "a/b"):
+        np.savez(tree / f"data/.nested/{name}.npz", silhouettes=np.zeros(1))
     (tree / "data/bytes.txt").write_bytes(b"\xff\xfe\xff")
     with pytest.raises(ValueError, match=f"^{told}"):
         find_sources(given)

@@ -1,5 +1,6 @@
 """Where a recording's result is, and how it gets there: whole, or not at all."""
 
+import errno
 import os
 import shutil
 from dataclasses import dataclass
@@ -42,12 +43,14 @@ class ResultFolder:
 
     def finished(self) -> Manifest | None:
         """The manifest of a whole result, of whatever work."""
-        self._take_place()
         return _whole(self.path)
 
-    def journal(self, work: str) -> Journal:
-        """Poses of earlier attempts at the same work, to go on with."""
-        return Journal(self._unfinished / "journal", work)
+    def journal(self, work: str, anew: bool) -> Journal:
+        """Poses of earlier attempts at the same work, to go on with, or an empty one."""
+        folder = self._unfinished / "journal"
+        if anew:
+            shutil.rmtree(folder, ignore_errors=True)
+        return Journal(folder, work)
 
     def finish(self, poses: Poses, manifest: Manifest) -> None:
         """Write a result and put it in its place."""
@@ -57,19 +60,25 @@ class ResultFolder:
         # The manifest is last: with it, the result is whole.
         write_manifest(folder / MANIFEST_FILE, manifest)
         _to_disk(folder / MANIFEST_FILE)
-        self._take_place()
+        self.take_place()
         self.failure.unlink(missing_ok=True)
 
     def fail(self, manifest: Manifest) -> None:
         """Say why there is no result; an older result stays, and so does what is done of the new one."""
         write_manifest(self.failure, manifest)
 
-    def _take_place(self) -> None:
-        """Put a result that is whole in its place: after `finish`, or after a kill in the midst of it."""
+    def take_place(self) -> None:
+        """Put a result that is whole in its place: for `finish`, or after a kill in the midst of it.
+
+        Raises:
+            FileExistsError: Something else is there.
+        """
         old = self._hidden("old")
         if _whole(self._unfinished) is not None:
             shutil.rmtree(self._unfinished / "journal", ignore_errors=True)
             if self.path.exists():
+                if not any((self.path / name).exists() for name in RESULT_FILES):
+                    raise FileExistsError(errno.EEXIST, "is no result, but in the way of one", str(self.path))
                 shutil.rmtree(old, ignore_errors=True)
                 os.rename(self.path, old)
             os.rename(self._unfinished, self.path)

@@ -65,6 +65,7 @@ def reconstruct_one(
     try:
         folder.lock.parent.mkdir(parents=True, exist_ok=True)
         with FileLock(folder.lock, timeout=_PATIENCE):
+            folder.take_place()
             before = None if force else finished_before(source, output, method)
             if before is not None:
                 return before
@@ -100,8 +101,8 @@ def _reconstructed(
     with _timed(seconds, "prepare"):
         settings = method.settings_for_subject()
         prepared = prepare(recording, settings)
-    journal = folder.journal(json.dumps(asdict(replace(work, source=""))))
-    resumed = 0 if force else journal.frames
+    journal = folder.journal(json.dumps(asdict(replace(work, source=""))), anew=force)
+    resumed = journal.frames
     with _timed(seconds, "reconstruct"):
         for poses, track in batches_from(resumed, journal.track, recording, settings, prepared):
             journal.append(poses, track)

@@ -3,7 +3,7 @@
 import glob
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from ..io._bounded import read_bounded
 from ..io.folders import RECORDING_FILE
@@ -42,6 +42,13 @@ def find_sources(inputs: Iterable[str | Path]) -> list[Source]:
                 raise ValueError(
                     f"{source.path}: its result would be {source.name}, as that of {same.path}; give a folder that "
                     "holds both, and they are named by their places in it"
+                )
+    for source in found.values():
+        for above in map(str, PurePosixPath(source.name).parents):
+            if above in found:
+                raise ValueError(
+                    f"{found[above].path}: its result would be {above}, a folder that holds that of {source.path}; "
+                    "rename one of them"
                 )
     if not found:
         raise ValueError("no recording is found: give sequence files (.npz) or folders with a recording.toml")
