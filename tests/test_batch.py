@@ -150,6 +150,7 @@ def test_a_process_that_dies_harms_its_own_recording_only(data, tmp_path):
     assert "walk0.npz: its process was killed (signal 9), perhaps for want of memory" in str(found["walk0"].problem)
     assert found["black"].outcome is Outcome.NO_POSE
     assert found["text"].outcome is Outcome.FAILED
+    assert read_results(tmp_path) == found
 
 
 @pytest.mark.parametrize(

@@ -74,16 +74,16 @@ def reconstruct_one(
     except Timeout:
         return failed(work, f"{source.path}: another process works on it; wait for that one")
     except ValueError as error:
-        return _recorded(folder, failed(work, str(error)))
+        return recorded(folder, failed(work, str(error)))
     except OSError as error:
         told = f"{error.filename or folder.path}: {error.strerror or error}; mend that and run again"
-        return _recorded(folder, failed(work, told))
+        return recorded(folder, failed(work, told))
     except (MemoryError, jax.errors.JaxRuntimeError) as error:
         told = f"{source.path}: out of memory ({error}); give fewer jobs, a coarser spacing or a smaller box"
-        return _recorded(folder, failed(work, told))
+        return recorded(folder, failed(work, told))
     except Exception as error:  # a defect of this package: the other recordings go on
         told = f"{source.path}: {type(error).__name__}: {error}; please report it, {folder.failure.name} says more"
-        return _recorded(folder, failed(work, told, traceback.format_exc()))
+        return recorded(folder, failed(work, told, traceback.format_exc()))
 
 
 def _reconstructed(
@@ -126,7 +126,8 @@ def _work(source: Source, method: Method, known: Work | None = None) -> Work:
     return Work(str(source.path), inputs, method.described(), current_version())
 
 
-def _recorded(folder: ResultFolder, manifest: Manifest) -> Manifest:
+def recorded(folder: ResultFolder, manifest: Manifest) -> Manifest:
+    """Write down that a recording failed, and return its manifest."""
     try:
         folder.fail(manifest)
     except OSError:  # the disk may be what failed

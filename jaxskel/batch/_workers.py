@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from .._parallel import take_core
+from ._folders import ResultFolder
 from ._manifest import Manifest, Work, current_version, failed
 from ._method import Method
-from ._one import reconstruct_one
+from ._one import reconstruct_one, recorded
 from ._sources import Source
 
 
@@ -58,7 +59,8 @@ def work_on(
                 event = worker.receive()
                 if event is None:
                     assert worker.source is not None
-                    event = Finished(worker.source, _killed(worker.source, method, worker.end()))
+                    manifest = _killed(worker.source, method, worker.end())
+                    event = Finished(worker.source, recorded(ResultFolder(output, worker.source.name), manifest))
                     crew[crew.index(worker)] = worker = _Worker(worker.core, given)
                 if isinstance(event, Finished):
                     worker.begin(next(waiting, None))
