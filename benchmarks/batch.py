@@ -71,7 +71,7 @@ def throughput(work: Path, recordings: int, repeat: int, options: list[str]) -> 
 
 
 def memory(work: Path, recording: Path, options: list[str]) -> None:
-    """A kill early on and what is lost by it, then resident memory as frames go by."""
+    """A kill early on and what is lost by it, then resident memory as frames go by: medians over a thousand each."""
     out = work / "long"
     shutil.rmtree(out, ignore_errors=True)
     rows = out / f".{recording.stem}.part" / "journal" / "rows.bin"
@@ -83,15 +83,19 @@ def memory(work: Path, recording: Path, options: list[str]) -> None:
 
     def watch(until: int) -> int:
         """Frames done when it ends."""
-        told, last = -1, 0
+        told, last = 0, 0
+        used: list[tuple[int, int]] = []
         with started("--jobs", "1", *options, inputs=recording, output=out) as run:
             while run.poll() is None:
                 last = max(last, frames())
+                taken = [resident(process) for process in family(run.pid)]
+                used.append((max(taken), sum(taken)))
                 if last // 1000 > told:
                     told = last // 1000
-                    used = [resident(process) for process in family(run.pid)]
-                    told_of = f"{max(used) / 1e6:.0f} MB, all processes {sum(used) / 1e6:.0f} MB"
-                    print(f"{last:6d} frames: {told_of}", flush=True)
+                    one, every = np.median(used, axis=0) / 1e6
+                    most = max(used)[0] / 1e6
+                    print(f"{last:6d} frames: {one:.0f} MB, at most {most:.0f}, all processes {every:.0f}", flush=True)
+                    used.clear()
                 if last >= until:
                     return last
                 time.sleep(0.2)
