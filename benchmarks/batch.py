@@ -1,7 +1,7 @@
 """What `jaxskel batch` withstands, what a second process brings, and the memory of a long recording.
 
     python benchmarks/batch.py survive WORK [--recordings 200] [--kills 10]
-    python benchmarks/batch.py throughput WORK [--recordings 24] [--repeat 3]
+    python benchmarks/batch.py throughput WORK [--recordings 120] [--repeat 3]
     python benchmarks/batch.py memory WORK LONG.npz
 
 WORK is a folder for recordings and results. Options after ``--`` go to the batch, ``-- --preset paper`` for instance.
@@ -131,7 +131,7 @@ def main() -> None:
         if name == "memory":
             part.add_argument("recording", type=Path)
         else:
-            count, times, default = (200, "--kills", 10) if name == "survive" else (24, "--repeat", 3)
+            count, times, default = (200, "--kills", 10) if name == "survive" else (120, "--repeat", 3)
             part.add_argument("--recordings", type=int, default=count)
             part.add_argument(times, type=int, default=default)
     given = parser.parse_args(own)

@@ -37,6 +37,7 @@ from jaxskel._descriptors import describe_ends, template_ends
 from jaxskel._initialise import initial_poses
 from jaxskel._match import cost_matrices
 from jaxskel._observe import labelled_limbs, observed_graph, see_people, skeletal_graphs
+from jaxskel._parallel import keep_to
 from jaxskel._pipeline import BATCH
 from jaxskel._refine import refine_frames
 from jaxskel._stacks import single_precision, taken
@@ -167,14 +168,11 @@ def _one_core() -> Iterator[None]:
         yield
         return
     cores = os.sched_getaffinity(0)
-    threads = [int(name) for name in os.listdir("/proc/self/task")] if os.path.isdir("/proc/self/task") else [0]
-    for thread in threads:
-        os.sched_setaffinity(thread, {min(cores)})
+    keep_to({min(cores)})
     try:
         yield
     finally:
-        for thread in threads:
-            os.sched_setaffinity(thread, cores)
+        keep_to(cores)
 
 
 def main() -> int:

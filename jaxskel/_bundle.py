@@ -22,7 +22,7 @@ from .parametrisations import HingedLimbs
 from .terms import CapsuleTerm, ContourContact, InsideSilhouettes, Objective, Observed, place, volume_objective
 
 _HINGED = HingedLimbs()
-_POSE = len(_HINGED.unknowns())
+_POSE = jax.eval_shape(_HINGED.unknowns).size  # traced only: see `fit_scales`
 # The outlines of a well fitted body are 5 mm off; so few of a frame's 3600 rays are taken as measurements of their own
 # with that deviation: one for about every capsule. In the objective of single frames it is one in ten of them, because
 # there the pose may give way instead of the body.

@@ -102,9 +102,8 @@ def _carve_word(
     for start in range(0, len(voxels), _AT_ONCE):
         some = voxels[start : start + _AT_ONCE]
         full = np.resize(some, _AT_ONCE) if len(some) < _AT_ONCE else some
-        found[some] = np.asarray(_carve_some(words, table.padded_pixels, table.padded_observed, full, max_misses))[
-            : len(some)
-        ]
+        carved = _carve_some(words, table.padded_pixels, table.padded_observed, full, max_misses)
+        found[some] = np.asarray(carved)[: len(some)]
     return found
 
 

@@ -25,21 +25,24 @@ _AT_ONCE = 4
 # Steps look at one of so many rays; what a pose costs is told by all.
 _FEW = 9
 
+# Arrays of NumPy: a constant of a module must not start JAX, which would take all cores before a process has one.
+Scales = tuple[Float[Array | np.ndarray, " steps"], Int[Array | np.ndarray, ""]]
 
-def fit_scales(*rounds: tuple[float, int]) -> tuple[Array, Array]:
+
+def fit_scales(*rounds: tuple[float, int]) -> Scales:
     """Robust scales (m) and numbers of steps for them, as `fit_pool` takes them; others do not compile again."""
     values = np.concatenate([np.full(steps, scale, np.float32) for scale, steps in rounds])
-    return jnp.asarray(np.resize(values, _MOST_STEPS)), jnp.asarray(len(values), jnp.int32)
+    return np.resize(values, _MOST_STEPS), np.array(len(values), np.int32)
 
 
-def fit_poses(body: Body, poses: Pose, observed: Observed, scales: tuple[Array, Array]) -> Hypotheses:
+def fit_poses(body: Body, poses: Pose, observed: Observed, scales: Scales) -> Hypotheses:
     """Let hypotheses (axes ``frames hypotheses``) descend by `volume_objective` and order them by their cost."""
     frames = np.arange(len(poses.root))
     found = fit_pool(body, pool_of(poses, frames), on_device(observed.seen_only()), scales)
     return found.rows(frames, poses.root.shape[1])
 
 
-def fit_pool(body: Body, pool: Pool, stack: Observed, scales: tuple[Array, Array]) -> Pool:
+def fit_pool(body: Body, pool: Pool, stack: Observed, scales: Scales) -> Pool:
     """Let hypotheses descend by `volume_objective`; what they cost then."""
     if len(pool) == 0:
         return pool
@@ -57,9 +60,7 @@ def in_chunks(work: Callable[[Pose, Int[Array, " chunk"]], Any], pool: Pool) -> 
     return jax.tree.map(lambda *parts: np.concatenate(parts)[: len(pool)], *done)
 
 
-def fit_hypothesis(
-    body: Body, pose: Pose, observed: Observed, scales: tuple[Array, Array]
-) -> tuple[Pose, Float[Array, ""]]:
+def fit_hypothesis(body: Body, pose: Pose, observed: Observed, scales: Scales) -> tuple[Pose, Float[Array, ""]]:
     """Let one hypothesis of one frame descend; also what it costs then, infinite where that is no number."""
     # Made here, so that the compiler sees that all terms have the same body, and places it once.
     objective, few = volume_objective(body), observed.thinned(_FEW)
@@ -75,6 +76,6 @@ def fit_hypothesis(
 
 @kept
 def _fitted(
-    body: Body, poses: Pose, frames: Int[Array, " n"], stack: Observed, scales: tuple[Array, Array]
+    body: Body, poses: Pose, frames: Int[Array, " n"], stack: Observed, scales: Scales
 ) -> tuple[Pose, Float[Array, " n"]]:
     return jax.vmap(lambda pose, frame: fit_hypothesis(body, pose, stack.of(frame), scales))(poses, frames)

@@ -20,7 +20,7 @@ from ._sight_lines import SightLines, sight_lines
 from ._stacks import single_precision
 from ._views import MIN_VIEWS, lost_views, silhouette_areas
 
-FRAMES = 40
+FRAMES = 60
 """Frames that are used by default: the errors of their masks are independent, those of more rays of a frame are not."""
 _RAYS = 300  # of a view: every fifth point of the outline of a person who is 400 px tall
 _ROUNDS = 15

@@ -47,7 +47,7 @@ class Settings(eqx.Module):
     parametrisation: Parametrisation = HingedLimbs()
     solver: Solver = eqx.field(default_factory=default_solver)
     rounds: int = 2
-    max_steps: int = 6
+    max_steps: int = 16
 
     def objective_for(self, body: Body) -> Objective:
         """The objective for a subject."""
@@ -62,5 +62,5 @@ def paper_settings() -> Settings:
     """
     return Settings(
         max_misses=0, root=HighestVoxel(), descriptor=PAPER_DESCRIPTOR, search=None, objective=paper_objective(),
-        parametrisation=ExactBones(), rounds=3, max_steps=16,
+        parametrisation=ExactBones(), rounds=3,
     )  # fmt: skip

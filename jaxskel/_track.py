@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ._body import place_joints
-from ._fits import fit_hypothesis, fit_scales
+from ._fits import Scales, fit_hypothesis, fit_scales
 from ._hypotheses import Hypotheses, Pool, pool_of
 from ._kept import kept
 from ._skeleton import Pose
@@ -191,7 +191,7 @@ def cheapest_path(
 def _follow(
     model: Model,
     margin: Float[Array, ""],
-    scales: tuple[Array, Array],
+    scales: Scales,
     last: Pose,
     before: Pose,
     offered: Pose,

@@ -86,7 +86,7 @@ class SlurmNode:
 
     def log(self) -> str:
         """The end of what the daemons wrote."""
-        return "\n".join(f"{file}:\n{file.read_text()[-2000:]}" for file in sorted(self.folder.glob("*.log")))
+        return "\n".join(f"{file}:\n{file.read_text()[-6000:]}" for file in sorted(self.folder.glob("*.log")))
 
     def submit(self, script: Path, *options: object) -> str:
         """Hand over a script; gives the job's number."""
@@ -110,14 +110,18 @@ class SlurmNode:
         until(lambda: self.states(job) == {state}, f"{job} {state}{self.log()}", seconds)
 
     def requeue(self, job: str) -> None:
-        """End a job or an array's task and start it again, at once: a requeued job waits two minutes by default."""
+        """End a job or an array's task and start it again, soon: a requeued job waits two minutes by default."""
         self.run("scontrol", "requeue", job)
-        self.start_now(job)
+        self.start_soon(job)
 
-    def start_now(self, job: str) -> None:
-        """Do not let a requeued job wait."""
+    def start_soon(self, job: str) -> None:
+        """Do not let a requeued job wait for long.
+
+        Not at once either: what a node is sent in the very second in which the job ended before, it takes for a part
+        of what has ended, and the controller ends the job for good.
+        """
         self.wait_until(job, "PENDING")
-        self.run("scontrol", "update", f"JobId={job}", "StartTime=now")
+        self.run("scontrol", "update", f"JobId={job}", "StartTime=now+3seconds")
 
     def kill(self, job: str) -> None:
         """Kill all processes of an array's task: its script and what that started."""

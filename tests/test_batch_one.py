@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from filelock import FileLock
+from test_folders import write_folder
 from test_journal import some_poses, some_track
 
 from jaxskel import Settings, Status
@@ -58,7 +59,16 @@ def test_done_once(place):
     assert batches == [0, 32, 64]
     assert sorted(os.listdir(output)) == [".locks", "walk"]
     assert sorted(os.listdir(output / "walk")) == ["manifest.json", "poses.csv", "poses.npz"]
-    reconstruct_one(source, output, METHOD, force=True)
+
+
+def test_done_again_once_for_each_request(place):
+    source, output, batches = place
+    reconstruct_one(source, output, METHOD)
+    again = reconstruct_one(source, output, METHOD, "again")
+    assert len(batches) == 6
+    # A task that a cluster starts a second time asks for the same.
+    assert reconstruct_one(source, output, METHOD, "again") == again == finished_before(source, output, METHOD)
+    assert finished_before(source, output, METHOD, "once more") is None
     assert len(batches) == 6
 
 
@@ -81,9 +91,9 @@ def test_done_again_when_something_changed(place, monkeypatch):
 
 def test_a_development_version_counts_its_code(monkeypatch):
     monkeypatch.setattr(_manifest, "version", lambda name: "1.2.3")
-    assert _manifest.current_version() == "1.2.3"
+    assert _manifest.current_version.__wrapped__() == "1.2.3"
     monkeypatch.setattr(_manifest, "version", lambda name: "1.2.dev0")
-    assert _manifest.current_version().startswith("1.2.dev0+")
+    assert _manifest.current_version.__wrapped__().startswith("1.2.dev0+")
 
 
 @pytest.mark.parametrize("before", [0, 1])
@@ -127,6 +137,22 @@ def test_killed_at_any_step_the_result_is_the_old_one_or_the_new_one(place, monk
     np.testing.assert_array_equal(read_poses(output / "walk" / "poses.npz").frame_index, np.arange(70))
 
 
+@pytest.mark.parametrize("left", [0.9, 0.5, 0.02])
+def test_a_video_that_was_cut_short_fails_and_its_older_result_stays(place, left):
+    source, output, batches = place
+    folder = source.path.parent / "filmed"
+    folder.mkdir()
+    source = Source("filmed", write_folder(folder, "video"))
+    first = reconstruct_one(source, output, METHOD)
+    assert (first.outcome, len(batches)) == (Outcome.DONE, 1)
+    video = folder / "front.avi"
+    video.write_bytes(video.read_bytes()[: int(left * video.stat().st_size)])
+    found = reconstruct_one(source, output, METHOD)
+    assert (found.outcome, len(batches)) == (Outcome.FAILED, 1)
+    assert "front" in str(found.problem)
+    assert read_manifest(output / "filmed" / "manifest.json") == first
+
+
 def test_taken_up_within_the_recording_it_is_byte_for_byte_the_same(place, monkeypatch):
     source, output, batches = place
     reconstruct_one(source, output, METHOD)
@@ -143,7 +169,7 @@ def test_taken_up_within_the_recording_it_is_byte_for_byte_the_same(place, monke
     shutil.copytree(output / "other", output / "anew")
     again = reconstruct_one(source, output / "other", METHOD)
     assert (batches, again.resumed) == ([64], 64)
-    anew = reconstruct_one(source, output / "anew", METHOD, force=True)
+    anew = reconstruct_one(source, output / "anew", METHOD, "again")
     assert (batches[1:], anew.resumed, anew.frames) == ([0, 32, 64], 0, 70)
     for name in ("poses.npz", "poses.csv"):
         assert (output / "other" / "walk" / name).read_bytes() == (output / "walk" / name).read_bytes()

@@ -53,6 +53,16 @@ def test_other_work_starts_anew(tmp_path):
     assert Journal(tmp_path, "this").frames == 0
 
 
+def test_a_request_to_compute_again_goes_on_with_what_answers_it(tmp_path):
+    Journal(tmp_path, "this").append(some_poses(0, 32), None)
+    journal = Journal(tmp_path, "this", "again")
+    assert journal.frames == 0
+    journal.append(some_poses(0, 32), None)
+    assert Journal(tmp_path, "this", "again").frames == 32
+    assert Journal(tmp_path, "this").frames == 32
+    assert Journal(tmp_path, "this", "once more").frames == 0
+
+
 def test_rows_without_their_state_do_not_count(tmp_path):
     journal = Journal(tmp_path, "this")
     journal.append(some_poses(0, 32), None)

@@ -1,5 +1,8 @@
 """Several processes: the same poses, in order, whatever finishes first."""
 
+import os
+import subprocess
+import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 
@@ -71,3 +74,24 @@ def test_batches_come_in_order_and_tracks_are_handed_on(monkeypatch):
     assert sorted(followed, key=lambda pair: pair[1]) == [
         (None, 0), (0, 32), (None, 64), (64, 96), (None, 128), (None, 160), (160, 192),
     ]  # fmt: skip
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity") or not os.path.exists("/proc/self/task"), reason="not Linux")
+def test_all_threads_of_a_process_keep_to_its_core():
+    code = (
+        "import os, jaxskel, jax.numpy as jnp\n"
+        "from jaxskel._parallel import take_core\n"
+        "def jax_has_begun():\n"
+        "    names = [open(f'/proc/self/task/{thread}/comm').read() for thread in os.listdir('/proc/self/task')]\n"
+        "    return any('XLA' in name for name in names)\n"
+        "assert not jax_has_begun()\n"
+        "before = os.sched_getaffinity(0)\n"
+        "take_core(1)\n"
+        "jnp.ones((500, 500)).dot(jnp.ones((500, 500))).block_until_ready()\n"
+        "assert jax_has_begun()\n"
+        "threads = os.listdir('/proc/self/task')\n"
+        "assert len(threads) > 2\n"
+        "mine = {core for thread in threads for core in os.sched_getaffinity(int(thread))}\n"
+        "assert mine == {sorted(before)[1 % len(before)]}, mine\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

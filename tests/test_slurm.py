@@ -137,7 +137,7 @@ def test_a_batch_of_forty_as_an_array_with_a_task_killed_and_put_back(slurm, tmp
     slurm.requeue(f"{job}_2")
     slurm.wait_until_empty(600)
     found = read_results(out)
-    assert sorted(found) == [f"walk{number:02d}" for number in range(40)]
+    assert sorted(found) == [f"walk{number:02d}" for number in range(40)], slurm.log()
     assert all(manifest.frames == 2 for manifest in found.values())
     assert all((out / name / "manifest.json").read_bytes() == content for name, content in before.items())
     said = "".join(path.read_text() for path in (out / ".slurm").glob("*_log.out"))

@@ -15,5 +15,6 @@ from ._summary import COLUMNS as COLUMNS
 from ._summary import read_results as read_results
 from ._summary import summary_row as summary_row
 from ._summary import write_summary as write_summary
+from ._workers import PROCESS_BYTES as PROCESS_BYTES
 from ._workers import Finished as Finished
 from ._workers import Progress as Progress

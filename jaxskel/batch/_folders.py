@@ -45,12 +45,9 @@ class ResultFolder:
         """The manifest of a whole result, of whatever work."""
         return _whole(self.path)
 
-    def journal(self, work: str, anew: bool) -> Journal:
+    def journal(self, work: str, request: str) -> Journal:
         """Poses of earlier attempts at the same work, to go on with, or an empty one."""
-        folder = self._unfinished / "journal"
-        if anew:
-            shutil.rmtree(folder, ignore_errors=True)
-        return Journal(folder, work)
+        return Journal(self._unfinished / "journal", work, request)
 
     def finish(self, poses: Poses, manifest: Manifest) -> None:
         """Write a result and put it in its place."""

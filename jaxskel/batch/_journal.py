@@ -32,15 +32,17 @@ class Journal:
     with. What was written for other work, or is damaged, is thrown away.
     """
 
-    def __init__(self, folder: Path, work: str):
+    def __init__(self, folder: Path, work: str, request: str = ""):
         """Open the folder, or make it.
 
         Args:
             folder: The folder. Nothing else is in it.
             work: What the poses depend on: anything that is the same only if they are.
+            request: Name of a request to compute again: poses from before it do not count. Empty: all do.
         """
         self.folder = folder
         self._rows, self._state = folder / "rows.bin", folder / "state.npz"
+        self._request = request
         self._work = hashlib.sha256(work.encode(errors="surrogateescape")).hexdigest()
         self.frames, self._digest, self.track = 0, 0, None
         try:
@@ -64,6 +66,7 @@ class Journal:
         self._digest = zlib.crc32(content, self._digest)
         self.track = track
         state: dict[str, Any] = {"work": self._work, "frames": self.frames, "digest": str(self._digest)}
+        state["request"] = self._request
         if track is not None:
             state |= {f"track{i}": leaf for i, leaf in enumerate(jax.tree.leaves(track))}
         with written_whole(self._state) as file:
@@ -76,7 +79,7 @@ class Journal:
 
     def _resume(self) -> None:
         leaves = tuple(f"track{i}" for i in range(_TRACK.num_leaves))
-        arrays = read_arrays(self._state, ("work", "frames", "digest"), leaves)
+        arrays = read_arrays(self._state, ("work", "request", "frames", "digest"), leaves)
         frames = int(numbers(self._state, arrays, "frames", ()))
         with open(self._rows, "rb") as file:
             found = 0
@@ -85,6 +88,8 @@ class Journal:
         written = [*texts(self._state, arrays, "work"), *texts(self._state, arrays, "digest")]
         if written != [self._work, str(found)]:
             raise ValueError(f"{self.folder}: the poses of other work, or damaged ones")
+        if self._request not in ("", *texts(self._state, arrays, "request")):
+            raise ValueError(f"{self.folder}: the poses are from before they were to be computed again")
         self.frames, self._digest = frames, found
         there = [key in arrays for key in leaves]
         if any(there) and not all(there):

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from enum import StrEnum
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -64,6 +65,8 @@ class Manifest:
     confidence: float | None = None
     seconds: Mapping[str, float] = field(default_factory=dict)
     """Time that each part of the work took (s)."""
+    request: str = ""
+    """Name of the request to compute it again that it answers; empty: of none."""
     resumed: int = 0
     """Frames that were there already when the work was last taken up."""
     finished: str = ""
@@ -86,14 +89,16 @@ class Manifest:
         return f"{self.frames} frames{resumed}, {self.with_pose} with a pose{fps}"
 
 
-def done(work: Work, poses: Poses, problem: str | None, seconds: Mapping[str, float], resumed: int) -> Manifest:
+def done(
+    work: Work, poses: Poses, problem: str | None, seconds: Mapping[str, float], request: str, resumed: int
+) -> Manifest:
     """The manifest of a recording whose poses are there; `problem` where no frame has one."""
     sure = poses.typical_confidence
     return _stamped(Manifest(
         Outcome.NO_POSE if problem else Outcome.DONE, work, problem,
         frames=len(poses), with_pose=int(poses.has_pose.sum()), counts=poses.counts(),
         confidence=round(sure, 4) if sure == sure else None,
-        seconds={name: round(value, 3) for name, value in seconds.items()}, resumed=resumed,
+        seconds={name: round(value, 3) for name, value in seconds.items()}, request=request, resumed=resumed,
     ))  # fmt: skip
 
 
@@ -102,6 +107,7 @@ def failed(work: Work, problem: str, trace: str | None = None) -> Manifest:
     return _stamped(Manifest(Outcome.FAILED, work, " ".join(problem.split()), trace))
 
 
+@cache
 def current_version() -> str:
     """The package's version; while it is developed, with a digest of its code."""
     number = version("jaxskel")

@@ -1,6 +1,7 @@
 """How the recordings of a batch are reconstructed."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,7 @@ class Method:
         body = read_body(self.subject)
         return eqx.tree_at(lambda s: s.body, self.settings, body, is_leaf=lambda leaf: leaf is None)
 
+    @cached_property
     def described(self) -> dict[str, Any]:
         """What of it decides the poses, as plain data; the subject's file counts as an input."""
         return {"settings": described(self.settings), "smooth_hz": self.smooth_hz}

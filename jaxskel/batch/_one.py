@@ -27,12 +27,14 @@ from ._sources import Source
 _PATIENCE = 60.0
 
 
-def finished_before(source: Source, output: Path, method: Method) -> Manifest | None:
-    """The manifest of a recording whose result is there, whole, and would be the same again."""
+def finished_before(source: Source, output: Path, method: Method, request: str = "") -> Manifest | None:
+    """The manifest of a recording whose result is there, whole, would be the same again and answers the request."""
     folder = ResultFolder(output, source.name)
     try:
         found = folder.finished()
-        if found is None or not _work(source, method, found.work).same(found.work):
+        if found is None or request not in ("", found.request):
+            return None
+        if not _work(source, method, found.work).same(found.work):
             return None
         # What went wrong since, as long as the recording was another one, is over.
         folder.failure.unlink(missing_ok=True)
@@ -45,7 +47,7 @@ def reconstruct_one(
     source: Source,
     output: Path,
     method: Method,
-    force: bool = False,
+    request: str = "",
     on_frames: Callable[[int, int], None] = lambda done, total: None,
 ) -> Manifest:
     """Reconstruct a recording, or go on with it, and put the result in its place.
@@ -54,23 +56,23 @@ def reconstruct_one(
         source: The recording.
         output: Folder of the results.
         method: How to reconstruct.
-        force: Compute again what is there already.
+        request: Name of a request to compute again what is there already; empty: it is left alone.
         on_frames: Called with the number of frames done and of all frames.
 
     Returns:
         The manifest of the result. Whatever goes wrong, it says so: nothing is raised for a recording's sake.
     """
     folder = ResultFolder(output, source.name)
-    work = Work(str(source.path), {}, method.described(), current_version())
+    work = Work(str(source.path), {}, method.described, current_version())
     try:
         folder.lock.parent.mkdir(parents=True, exist_ok=True)
         with FileLock(folder.lock, timeout=_PATIENCE):
             folder.take_place()
-            before = None if force else finished_before(source, output, method)
+            before = finished_before(source, output, method, request)
             if before is not None:
                 return before
             work = _work(source, method)
-            return _reconstructed(source, folder, work, method, force, on_frames)
+            return _reconstructed(source, folder, work, method, request, on_frames)
     except Timeout:
         return failed(work, f"{source.path}: another process works on it; wait for that one")
     except ValueError as error:
@@ -91,7 +93,7 @@ def _reconstructed(
     folder: ResultFolder,
     work: Work,
     method: Method,
-    force: bool,
+    request: str,
     on_frames: Callable[[int, int], None],
 ) -> Manifest:
     seconds: dict[str, float] = {}
@@ -101,7 +103,7 @@ def _reconstructed(
     with _timed(seconds, "prepare"):
         settings = method.settings_for_subject()
         prepared = prepare(recording, settings)
-    journal = folder.journal(json.dumps(asdict(replace(work, source=""))), anew=force)
+    journal = folder.journal(json.dumps(asdict(replace(work, source=""))), request)
     resumed = journal.frames
     with _timed(seconds, "reconstruct"):
         for poses, track in batches_from(resumed, journal.track, recording, settings, prepared):
@@ -113,7 +115,7 @@ def _reconstructed(
             poses = smooth(poses, method.smooth_hz)
         told = advice(poses, recording)
         problem = None if told is None else f"{source.path}: {told}"
-        manifest = done(work, poses, problem, seconds, resumed)
+        manifest = done(work, poses, problem, seconds, request, resumed)
         folder.finish(poses, manifest)
     return manifest
 
@@ -123,7 +125,7 @@ def _work(source: Source, method: Method, known: Work | None = None) -> Work:
     if method.subject is not None:
         paths["--subject"] = method.subject
     inputs = read_inputs(paths, None if known is None else known.inputs)
-    return Work(str(source.path), inputs, method.described(), current_version())
+    return Work(str(source.path), inputs, method.described, current_version())
 
 
 def recorded(folder: ResultFolder, manifest: Manifest) -> Manifest:

@@ -50,7 +50,7 @@ def run_batch(
     output: Path,
     method: Method | None = None,
     jobs: int = 1,
-    force: bool = False,
+    request: str = "",
     on_event: Callable[[Progress | Finished], None] = lambda event: None,
     on_start: Callable[[int], None] = lambda before: None,
 ) -> BatchResult:
@@ -65,7 +65,8 @@ def run_batch(
         output: Folder of the results.
         method: How to reconstruct.
         jobs: Processes at once, each on a core of its own.
-        force: Compute again what is there.
+        request: Compute again what is there: a name for this, any that is new. What answers a request of the same
+            name already is left alone, so that one that was broken off goes on.
         on_event: Told how it goes.
         on_start: Told how many were done before.
 
@@ -78,11 +79,11 @@ def run_batch(
     if jobs < 1:
         raise ValueError(f"{jobs} jobs: give at least one")
     method = method or Method()
-    before = {} if force else {source.name: finished_before(source, output, method) for source in sources}
+    before = {source.name: finished_before(source, output, method, request) for source in sources}
     there = {name: manifest for name, manifest in before.items() if manifest is not None}
     on_start(len(there))
     now = {}
-    for event in work_on([s for s in sources if s.name not in there], output, method, jobs, force):
+    for event in work_on([s for s in sources if s.name not in there], output, method, jobs, request):
         if isinstance(event, Finished):
             now[event.source.name] = event.manifest
         on_event(event)

@@ -7,7 +7,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import get_context, resource_tracker
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,9 @@ from ._manifest import Manifest, Work, current_version, failed
 from ._method import Method
 from ._one import reconstruct_one, recorded
 from ._sources import Source
+
+PROCESS_BYTES = 2 << 30
+"""Memory that a process may take."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +39,13 @@ class Finished:
     source: Source
     manifest: Manifest
 
+    def told(self, number: int, total: int) -> str:
+        """A line for whoever watches, of how many that are told of."""
+        return f"[{number}/{total}] {self.source.name}: {self.manifest.told}"
+
 
 def work_on(
-    sources: Sequence[Source], output: Path, method: Method, jobs: int, force: bool = False
+    sources: Sequence[Source], output: Path, method: Method, jobs: int, request: str = ""
 ) -> Iterator[Progress | Finished]:
     """Work on recordings in some processes at once, and tell how it goes.
 
@@ -46,7 +53,7 @@ def work_on(
     whatever becomes of it.
     """
     waiting = iter(sources)
-    given = pickle.dumps((output, method, force))
+    given = pickle.dumps((output, method, request))
     crew = [_Worker(core, given) for core in range(min(jobs, len(sources)))]
     try:
         for worker in crew:
@@ -73,7 +80,7 @@ def work_on(
 def _killed(source: Source, method: Method, code: int | None) -> Manifest:
     how = f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
     return failed(
-        Work(str(source.path), {}, method.described(), current_version()),
+        Work(str(source.path), {}, method.described, current_version()),
         f"{source.path}: its process was killed ({how}), perhaps for want of memory: each takes 1 to 2 GB; give fewer "
         "jobs and run again",
     )
@@ -130,6 +137,7 @@ def _deaf() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
+    resource_tracker.ensure_running()  # started later, within, it would let the first two through again
     names = ("SIGINT", "SIGTERM", "SIGHUP", "SIGUSR1", "SIGUSR2")
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [getattr(signal, name) for name in names])
     try:
@@ -141,14 +149,14 @@ def _deaf() -> Iterator[None]:
 def _work(core: int, given: bytes, pipe: Connection, alive: Connection) -> None:
     threading.Thread(target=_end_with, args=(alive,), daemon=True).start()
     take_core(core)
-    output, method, force = pickle.loads(given)
+    output, method, request = pickle.loads(given)
     while True:
         source = pipe.recv()
 
         def on_frames(done: int, total: int, source: Source = source) -> None:
             pipe.send(Progress(source, done, total))
 
-        pipe.send(Finished(source, reconstruct_one(source, output, method, force, on_frames)))
+        pipe.send(Finished(source, reconstruct_one(source, output, method, request, on_frames)))
 
 
 def _end_with(alive: Any) -> None:

@@ -5,6 +5,7 @@ import sys
 import time
 from pathlib import Path
 from typing import Annotated
+from uuid import uuid4
 
 import typer
 from rich.console import Console
@@ -12,6 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from ..batch import (
+    PROCESS_BYTES,
     BatchResult,
     Finished,
     Manifest,
@@ -25,8 +27,6 @@ from ..batch import Progress as Frames
 from ..io import read_subject
 from ._run import Box, MaxMisses, Preset, PresetOption, Smooth, Spacing, Subject, Track, check_output, make_settings
 from ._slurm import stop_when_told, submit
-
-_PROCESS = 2 << 30  # bytes that a process may take
 
 
 def batch(
@@ -65,16 +65,16 @@ def batch(
     if subject is not None:
         read_subject(subject)  # a fault of it is no recording's
     method = Method(settings, smooth_hz, subject)
+    request = uuid4().hex if force else ""
     if slurm is not None:
-        print(submit(sources, output, method, jobs or 1, force, slurm, slurm_minutes, slurm_option or []))
+        print(submit(sources, output, method, jobs or 1, request, slurm, slurm_minutes, slurm_option or []))
         return
     stop_when_told()
     begin = time.monotonic()
     try:
         with _Display(len(sources)) as display:
-            found = run_batch(
-                sources, output, method, jobs or _usable_cores(), force, on_event=display.event, on_start=display.start
-            )
+            jobs = jobs or _usable_cores()
+            found = run_batch(sources, output, method, jobs, request, display.event, display.start)
     except KeyboardInterrupt:
         print(f"jaxskel: {output}: interrupted; the same command goes on from here", file=sys.stderr)
         raise typer.Exit(130) from None
@@ -123,8 +123,7 @@ class _Display:
             self._done += 1
             self._failed += event.manifest.outcome is Outcome.FAILED
             if not self._console.is_terminal:
-                told = f"[{self._done}/{self._total}] {event.source.name}: {event.manifest.told}"
-                print(told, file=sys.stderr, flush=True)
+                print(event.told(self._done, self._total), file=sys.stderr, flush=True)
         failed = f", {self._failed} failed" if self._failed else ""
         done = self._done + sum(self._parts.values())
         self._progress.update(self._task, completed=done, description=f"recordings{failed}")
@@ -161,7 +160,7 @@ def _shard(text: str) -> Shard:
 def _usable_cores() -> int:
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     try:
-        fitting = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // _PROCESS
+        fitting = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // PROCESS_BYTES
     except (AttributeError, OSError, ValueError):
         return cores
     return max(1, min(cores, fitting))

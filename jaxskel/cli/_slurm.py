@@ -8,12 +8,11 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from ..batch import Finished, Method, Progress, Shard, Source, finished_before, run_batch
+from ..batch import PROCESS_BYTES, Finished, Method, Progress, Shard, Source, finished_before, run_batch
 from ._cache import forget_compiled, keep_compiled
 
 FOLDER = ".slurm"
 """Below the output: what submitit writes, and what the tasks say."""
-_PROCESS = 2  # GB that a process may take
 
 
 @dataclass(frozen=True)
@@ -27,7 +26,7 @@ class Task:
     output: Path
     method: Method
     jobs: int
-    force: bool
+    request: str
     kept: bool
     """Whether compiled code is kept for the next run, there where the node keeps it."""
 
@@ -43,9 +42,9 @@ class Task:
             nonlocal count
             if isinstance(event, Finished):
                 count += 1
-                print(f"[{count}/{len(self.sources)}] {event.source.name}: {event.manifest.told}", flush=True)
+                print(event.told(count, len(self.sources)), flush=True)
 
-        found = run_batch(self.sources, self.output, self.method, self.jobs, self.force, tell)
+        found = run_batch(self.sources, self.output, self.method, self.jobs, self.request, tell)
         return {name: str(manifest.outcome) for name, manifest in (found.before | found.now).items()}
 
     def checkpoint(self) -> Any:
@@ -69,7 +68,7 @@ def submit(
     output: Path,
     method: Method,
     jobs: int,
-    force: bool,
+    request: str,
     tasks: int,
     minutes: int,
     options: Sequence[str],
@@ -79,7 +78,7 @@ def submit(
     Raises:
         ValueError: submitit or Slurm is missing, or an option is none.
     """
-    left = sources if force else [source for source in sources if finished_before(source, output, method) is None]
+    left = [source for source in sources if finished_before(source, output, method, request) is None]
     if not left:
         return f"{output}: {len(sources)} recordings, all done before"
     try:
@@ -95,7 +94,7 @@ def submit(
     method = replace(method, subject=None if method.subject is None else method.subject.absolute())
     kept = forget_compiled()
     given = [
-        Task(Shard(number + 1, count).part(left), output.absolute(), method, jobs, force, kept)
+        Task(Shard(number + 1, count).part(left), output.absolute(), method, jobs, request, kept)
         for number in range(count)
     ]
     try:
@@ -103,7 +102,7 @@ def submit(
     except RuntimeError as error:
         raise ValueError(f"--slurm: {error}; run it on a machine of the cluster") from None
     executor.update_parameters(
-        name="jaxskel", timeout_min=minutes, cpus_per_task=jobs, mem_gb=_PROCESS * jobs,
+        name="jaxskel", timeout_min=minutes, cpus_per_task=jobs, mem_gb=(PROCESS_BYTES >> 30) * jobs,
         slurm_additional_parameters={"requeue": True} | {key: value for key, _, value in pairs},
     )  # fmt: skip
     with executor.batch():
