@@ -133,6 +133,27 @@ def test_ended_by_a_scheduler_or_a_person_it_says_how_to_go_on(data, compiled, t
         assert "Traceback" not in told
 
 
+DEAF = """
+import os, pickle, signal
+from jaxskel.batch._workers import _Worker
+
+workers = [_Worker(core, pickle.dumps(None)) for core in range(2)]
+for worker in workers:
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        os.kill(worker.process.pid, number)
+    worker.process.join(0.5)  # so early that nothing of ours can run yet
+    print(worker.process.exitcode)
+    worker.end()
+"""
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="no masks of signals on this system")
+def test_processes_take_no_notice_of_signals_from_their_very_beginning():
+    """In a process of its own: multiprocessing's first process starts a helper, which once undid it."""
+    run = subprocess.run([sys.executable, "-c", DEAF], capture_output=True, text=True, timeout=100)
+    assert (run.stdout.split(), run.stderr) == (["None", "None"], "")
+
+
 def test_a_process_that_dies_harms_its_own_recording_only(data, tmp_path):
     """The first process is killed when it has said its first word, as the system does for want of memory."""
     sources = [Source(name, data / f"{name}.npz") for name in ("walk0", "black", "text")]
