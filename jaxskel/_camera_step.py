@@ -16,8 +16,9 @@ _LEAST_NOISE = 0.25
 _FROM_MEDIAN = 1.48
 # Residuals of this many standard deviations begin to count less: there the mask is wrong, not the camera.
 _TAIL = 3.0
-# Errors of masks are alike for neighbouring rays: so many count as one measurement.
-_ALIKE = 10.0
+# Errors of masks are alike for neighbouring rays, and planes of many pairs of views touch the same place of an outline:
+# so many count as one measurement.
+_ALIKE = 3.0
 _SOLVER = LevenbergMarquardt(rtol=1e-3, atol=1e-3)
 _MAX_STEPS = 30
 
@@ -32,40 +33,46 @@ class CameraStep(eqx.Module):
 
 
 def noise_of(residuals: Float[Array | np.ndarray, " rays"]) -> float:
-    """Standard deviation of outlines (px) that positive residuals show, most of which are noise at the end."""
-    positive = np.asarray(residuals)
-    positive = positive[positive > 0]
-    return max(_LEAST_NOISE, _FROM_MEDIAN * float(np.median(positive))) if len(positive) else _LEAST_NOISE
+    """Standard deviation of outlines (px) that residuals show, most of which are noise at the end."""
+    return max(_LEAST_NOISE, _FROM_MEDIAN * float(np.median(residuals))) if np.size(residuals) else _LEAST_NOISE
 
 
 @kept
 def camera_step(
-    found: Sensitivity,
+    rays: Sensitivity,
+    tangents: Sensitivity,
     now: Float[Array | np.ndarray, "cams 6"],
     units: Float[Array | np.ndarray, "6"],
-    noise: Float[Array | np.ndarray, ""],
+    noise: Float[Array | np.ndarray, "2"],
 ) -> CameraStep:
-    """Bring rays to the silhouettes that they miss: ``sum w max(0, r)^2 + |unknowns|^2``, the second part the prior.
+    """Bring silhouettes together: ``sum w max(0, r - n)^2 + sum w q^2 + |unknowns|^2``, the last part the prior.
+
+    What rays miss by less than the noise ``n`` of outlines that are made of pixels is no evidence. As only what is
+    positive counts, noise does not cancel: the rig would be bent until no ray missed by it.
 
     Args:
-        found: Residuals of the rig as it is now.
-        now: Its unknowns.
+        rays: Residuals r of the rig as it is now, evidence where they are positive.
+        tangents: Residuals q that are evidence in either direction.
+        now: The rig's unknowns.
         units: The prior's standard deviations of the unknowns of a camera (rad and m).
-        noise: See `noise_of`.
+        noise: Of the rays and of the tangents, see `noise_of`.
     """
-    # Geman and McClure's weights.
-    weight = 1 / (1 + (jnp.maximum(found.value, 0.0) / (_TAIL * noise)) ** 2) / (noise * jnp.sqrt(_ALIKE))
     start = jnp.asarray(now).reshape(-1)
-    rows = (found.slopes * units[None, None]).reshape(len(found.value), -1) * weight[:, None]
-    values = found.value * weight - rows @ start
 
-    def residuals(unknowns: Float[Array, " unknowns"], given: tuple[Array, Array]) -> tuple[Array, Array]:
-        rows, values = given
-        return jnp.maximum(rows @ unknowns + values, 0.0), unknowns
+    def weighted(found: Sensitivity, noise: Float[Array, ""], margin: float) -> tuple[Array, Array]:
+        # Geman and McClure's weights.
+        weight = 1 / (1 + (found.value / (_TAIL * noise)) ** 2) / (noise * jnp.sqrt(_ALIKE))
+        rows = (found.slopes * units[None, None]).reshape(len(found.value), -1) * weight[:, None]
+        return rows, (found.value - margin) * weight - rows @ start
 
-    solution = optx.least_squares(
-        residuals, _SOLVER, start, args=(rows, values), max_steps=_MAX_STEPS, throw=False
-    ).value
-    missing = jnp.where(residuals(solution, (rows, values))[0][:, None] > 0, rows, 0.0)
-    spread = jnp.sqrt(jnp.diagonal(jnp.linalg.inv(missing.T @ missing + jnp.eye(start.size))))
-    return CameraStep(solution.reshape(-1, 6), spread.reshape(-1, 6))
+    noise = jnp.asarray(noise)
+    given = weighted(rays, noise[0], _LEAST_NOISE), weighted(tangents, noise[1], 0.0)
+
+    def residuals(unknowns: Float[Array, " unknowns"], given: tuple[tuple[Array, Array], ...]) -> tuple[Array, ...]:
+        missed, apart = (rows @ unknowns + values for rows, values in given)
+        return jnp.maximum(missed, 0.0), apart, unknowns
+
+    solution = optx.least_squares(residuals, _SOLVER, start, args=given, max_steps=_MAX_STEPS, throw=False).value
+    missing = jnp.where(residuals(solution, given)[0][:, None] > 0, given[0][0], 0.0)
+    known = missing.T @ missing + given[1][0].T @ given[1][0] + jnp.eye(start.size)
+    return CameraStep(solution.reshape(-1, 6), jnp.sqrt(jnp.diagonal(jnp.linalg.inv(known))).reshape(-1, 6))

@@ -13,8 +13,6 @@ from ._views import person_box
 
 # Values stand this many to a side of an image at most; between them they are interpolated.
 _MOST_CELLS = 640
-# Standard deviation of a Gaussian (px) that takes the stairs of pixels off slanting outlines; more would round fingers.
-_SMOOTHING = 1.0
 # Newton's steps to the zero of a distance, which has a slope of nearly one.
 _STEPS = 3
 
@@ -72,7 +70,7 @@ def distance_images(
     for frame, view in zip(*np.nonzero(~lost), strict=True):
         right, low = cameras.size[view].tolist()
         packed = silhouettes[frame, view, :low]
-        cells = signed_distances(packed, right, step, farthest, _SMOOTHING)
+        cells = signed_distances(packed, right, step, farthest, fine=True)
         cells = np.minimum(cells, _to_cut_edges(packed, right, step, cells.shape))
         values[frame, view, : len(cells), : cells.shape[1]] = cells
     size = np.where(lost[..., None], 0, cameras.size).astype(np.int32)

@@ -13,6 +13,7 @@ from ._camera_step import camera_step, noise_of
 from ._coherence import NOTHING, Sensitivity, sensitivity
 from ._contacts import Contacts, find_contacts
 from ._distance_images import DistanceImages, distance_images
+from ._epipolar_tangents import ConvexOutlines, convex_outlines, epipolar_tangents, tangent_sensitivity
 from ._extrinsics import ExtrinsicChange, changed, no_change
 from ._placement import body_middles
 from ._recording import Recording
@@ -23,7 +24,7 @@ from ._views import MIN_VIEWS, lost_views, silhouette_areas
 FRAMES = 60
 """Frames that are used by default: the errors of their masks are independent, those of more rays of a frame are not."""
 _RAYS = 300  # of a view: every fifth point of the outline of a person who is 400 px tall
-_ROUNDS = 15
+_ROUNDS = 20
 # The search ends where no unknown changes by more than this part of its prior's standard deviation.
 _CHANGE = 0.03
 # Distances reach as far as an error of this many of the prior's standard deviations moves a silhouette.
@@ -60,12 +61,14 @@ def refine_cameras(
     rotation_sd: float = float(np.radians(1.0)),
     shift_sd: float = 0.02,
 ) -> RefinedCameras:
-    """Turn and move cameras until silhouettes agree: every outline's ray must touch the hull of the other views.
+    """Turn and move cameras until silhouettes agree.
 
-    Robust Gauss-Newton: in each round the places where rays come nearest to the other silhouettes are looked up, and
-    the positive residuals (px) there, linear in the extrinsics, are brought down together with the prior. Intrinsics
-    and distortion stay. The silhouettes cannot tell a rigid motion or a scale of the whole rig: the prior keeps it
-    where it is. Compare rigs by [`compare_rigs`][jaxskel.compare_rigs].
+    Every outline's ray must touch the hull of the other views, and a plane through two optical centres that touches one
+    view's silhouette must touch the other's. Robust Gauss-Newton: in each round the places where rays come nearest to
+    the other silhouettes are looked up, and the outermost planes; the positive residuals (px) of rays and all residuals
+    (px) of planes, linear in the extrinsics, are brought down together with the prior. Intrinsics and distortion stay.
+    The silhouettes cannot tell a rigid motion or a scale of the whole rig: the prior keeps it where it is. Compare rigs
+    by [`compare_rigs`][jaxskel.compare_rigs].
 
     Args:
         recording: With cameras that are roughly right: twice the standard deviations or so.
@@ -91,14 +94,17 @@ def refine_cameras(
     outlines = _outlines(np.asarray(recording.silhouettes[chosen]), given, lost, rotation_sd)
     units = np.repeat((rotation_sd, shift_sd), 3)
     unknowns, spread, converged = np.zeros((len(given), 6)), np.ones((len(given), 6)), False
-    found = outlines.seen_by(given)
+    rig, found = given, outlines.seen_by(given)
     before = outlines.missed(found)
     for _ in range(_ROUNDS):
+        apart, there = outlines.apart_in(rig)
+        noise = np.array([noise_of(found.value[found.value > 0]), noise_of(np.abs(apart.value[there]))])
         # The prior holds what the silhouettes cannot tell so weakly that single precision would lose it.
         with jax.enable_x64(True):
-            step = jax.tree.map(np.asarray, camera_step(found, unknowns, units, np.array(noise_of(found.value))))
+            step = jax.tree.map(np.asarray, camera_step(found, apart, unknowns, units, noise))
         change, unknowns, spread = np.abs(step.unknowns - unknowns).max(), step.unknowns, step.spread
-        found = outlines.seen_by(_moved(given, unknowns * units))
+        rig = _moved(given, unknowns * units)
+        found = outlines.seen_by(rig)
         if change < _CHANGE:
             converged = True
             break
@@ -119,6 +125,7 @@ class _Outlines(eqx.Module):
     """What the rig is refined by."""
 
     lines: SightLines
+    convex: ConvexOutlines
     images: DistanceImages
     middles: Float[np.ndarray, "frames 3"]
 
@@ -129,6 +136,12 @@ class _Outlines(eqx.Module):
         )
         with jax.enable_x64(True):
             return jax.tree.map(np.asarray, sensitivity(rig, self.lines, self.images, _double(contacts)))
+
+    def apart_in(self, rig: Cameras) -> tuple[Sensitivity, Bool[np.ndarray, " pairs"]]:
+        """How far apart the planes that touch two silhouettes are, and which of them there are; in double precision."""
+        tangents = epipolar_tangents(rig, self.convex, self.middles)
+        with jax.enable_x64(True):
+            return jax.tree.map(np.asarray, tangent_sensitivity(rig, tangents)), tangents.there
 
     def missed(self, found: Sensitivity) -> Float[np.ndarray, " cams"]:
         """Means of the positive residuals over the rays of each camera (px)."""
@@ -147,7 +160,8 @@ def _outlines(
     focal = float(np.asarray(cameras.K)[:, 0, 0].max())
     images = distance_images(silhouettes, cameras, lost, int(np.ceil(_SIGMAS * rotation_sd * focal)))
     lines = sight_lines(silhouettes, cameras, lost, images, _RAYS)
-    return _Outlines(lines, jax.device_put(images), body_middles(cameras, silhouettes, lost))
+    convex = convex_outlines(silhouettes, cameras, lost, images)
+    return _Outlines(lines, convex, jax.device_put(images), body_middles(cameras, silhouettes, lost))
 
 
 def _frames(

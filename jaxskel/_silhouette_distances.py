@@ -18,6 +18,9 @@ from ._views import person_box, unpacked_box
 _MOST_CELLS = 320
 # Distances (px) are exact so far from the silhouette, and never larger.
 _FARTHEST = 40
+# Of the Gaussian that means over neighbourhoods are made with (px), and how far from the outline these tell more than
+# the distance does (px): no farther than twice that.
+_SMOOTHING, _NEAR = 0.7, 1.5
 # What a view tells that tells nothing (m): well inside.
 _NOTHING = -1.0
 # All values of a lost view (px): far inside, wherever one looks.
@@ -170,9 +173,17 @@ def silhouette_distances(
 
 
 def signed_distances(
-    packed: UInt8[np.ndarray, "h w8"], across: int, step: int, farthest: int = _FARTHEST, smoothing: float = 0.0
+    packed: UInt8[np.ndarray, "h w8"], across: int, step: int, farthest: int = _FARTHEST, fine: bool = False
 ) -> Float[np.ndarray, "rows columns"]:
-    """Means over cells of an image so many pixels wide (px), exact near the person."""
+    """Means over cells of an image so many pixels wide (px), exact near the person.
+
+    Args:
+        packed: A silhouette.
+        across: Width of the image.
+        step: Width of a cell.
+        farthest: No distance is larger.
+        fine: Outlines run between the pixels without their stairs, which takes twice the time.
+    """
     height, width = -(-len(packed) // step), -(-across // step)
     found = np.full((height, width), farthest, np.float32)
     box = person_box(packed)
@@ -187,8 +198,22 @@ def signed_distances(
     # Half-way between two pixels the distance is zero.
     signed = cv2.distanceTransform(1 - near, cv2.DIST_L2, 3) - cv2.distanceTransform(near, cv2.DIST_L2, 3)
     signed = np.minimum(signed - 0.5 * np.sign(signed), farthest)
-    if smoothing > 0:
-        signed = cv2.GaussianBlur(signed, (0, 0), smoothing, borderType=cv2.BORDER_REPLICATE)
+    if fine:
+        signed = _without_stairs(near, signed)
     size = (right - left, bottom - top)
     found[top:bottom, left:right] = cv2.resize(signed, size, interpolation=cv2.INTER_AREA)
     return found
+
+
+def _without_stairs(person: UInt8[np.ndarray, "h w"], signed: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
+    """Distances (px) that are told near the outline by how much of the neighbourhood is person.
+
+    Areas say where the outline of a binary image is to a fifth of a pixel; the nearest centre of a pixel does not.
+    """
+    outside = (1 - person).astype(np.float32)
+    mean = cv2.GaussianBlur(outside, (0, 0), _SMOOTHING, borderType=cv2.BORDER_REPLICATE)
+    # Twicing: a kernel without second moments. A Gaussian alone would shrink whatever is round, fingers most of all.
+    mean += cv2.GaussianBlur(outside - mean, (0, 0), _SMOOTHING, borderType=cv2.BORDER_REPLICATE)
+    slope = (2 - np.sqrt(0.5)) / (_SMOOTHING * np.sqrt(2 * np.pi))  # of it, across a straight outline
+    near = 1 - np.clip((np.abs(signed) - _NEAR) / _NEAR, 0, 1)
+    return (near * (mean - 0.5) / slope + (1 - near) * signed).astype(np.float32)
