@@ -16,8 +16,7 @@ _LEAST_NOISE = 0.25
 _FROM_MEDIAN = 1.48
 # Residuals of this many standard deviations begin to count less: there the mask is wrong, not the camera.
 _TAIL = 3.0
-# Errors of masks are alike for neighbouring rays, and planes of many pairs of views touch the same place of an outline:
-# so many count as one measurement.
+# Errors of masks are alike for neighbouring rays: so many count as one measurement.
 _ALIKE = 3.0
 _SOLVER = LevenbergMarquardt(rtol=1e-3, atol=1e-3)
 _MAX_STEPS = 30
@@ -59,14 +58,16 @@ def camera_step(
     """
     start = jnp.asarray(now).reshape(-1)
 
-    def weighted(found: Sensitivity, noise: Float[Array, ""], margin: float) -> tuple[Array, Array]:
+    def weighted(found: Sensitivity, noise: Float[Array, ""], alike: float, margin: float) -> tuple[Array, Array]:
         # Geman and McClure's weights.
-        weight = 1 / (1 + (found.value / (_TAIL * noise)) ** 2) / (noise * jnp.sqrt(_ALIKE))
+        weight = 1 / (1 + (found.value / (_TAIL * noise)) ** 2) / (noise * np.sqrt(alike))
         rows = (found.slopes * units[None, None]).reshape(len(found.value), -1) * weight[:, None]
         return rows, (found.value - margin) * weight - rows @ start
 
     noise = jnp.asarray(noise)
-    given = weighted(rays, noise[0], _LEAST_NOISE), weighted(tangents, noise[1], 0.0)
+    # The planes of a view with each of the others touch about the same place of its outline, and err together.
+    shared = max(_ALIKE, len(now) - 1.0)
+    given = weighted(rays, noise[0], _ALIKE, _LEAST_NOISE), weighted(tangents, noise[1], shared, 0.0)
 
     def residuals(unknowns: Float[Array, " unknowns"], given: tuple[tuple[Array, Array], ...]) -> tuple[Array, ...]:
         missed, apart = (rows @ unknowns + values for rows, values in given)
