@@ -22,7 +22,7 @@ from ._extrinsics import optical_centres
 from ._kept import kept
 from ._rotations import cross, turned
 from ._sight_lines import sight_lines
-from ._views import person_box, unpacked_box
+from ._views import unpacked_box
 
 # Corners of the convex hull of an outline; there are seldom more than half as many.
 _CORNERS = 96
@@ -116,8 +116,6 @@ def epipolar_tangents(
         there &= outlines.whole[:, pairs[:, side]] & (np.abs(angle).max(2) < _WIDEST)
         for end, corner in enumerate((angle.argmin(2), angle.argmax(2))):
             found[end, :, :, side] = outlines.directions[every, pairs[:, side], corner]
-    # Whatever is not there has a plane nevertheless, so that no gradient is NaN.
-    found[:, ~there] = np.eye(3)[:2]
     return EpipolarTangents(np.tile(pairs, (2 * len(middles), 1)), found.reshape(-1, 2, 3), np.tile(there.ravel(), 2))
 
 
@@ -141,12 +139,12 @@ def tangent_sensitivity(cameras: Cameras, tangents: EpipolarTangents) -> Sensiti
         centres = centres + change[:, 3:]
         baseline = centres[1] - centres[0]
         baseline = baseline / jnp.sqrt((baseline**2).sum() + 1e-20)
-        # What is not there must not give NaN either, since that times zero is NaN.
+        # What is not there has one plane for both rays, and so no angle and no slope.
         planes = jnp.where(there, cross(jnp.broadcast_to(baseline, rays.shape), rays), jnp.eye(3)[0])
         angle = jnp.arctan2(baseline @ cross(planes[0], planes[1]), planes[0] @ planes[1])
         # A ray that errs by a pixel turns its plane the more, the nearer it is to the other optical centre.
         spread = jnp.sqrt((1 / (focal**2 * (planes**2).sum(-1))).sum())
-        return jnp.where(there, angle / spread, 0.0)
+        return angle / spread
 
     value, slopes = jax.vmap(jax.value_and_grad(one))(jnp.zeros((len(pair), 2, 6)), *given)
     every = jnp.arange(len(pair), dtype=jnp.int32)[:, None]
@@ -163,10 +161,9 @@ def _largest_part(packed: UInt8[np.ndarray, "h w8"], width: int) -> tuple[UInt8[
     _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=8)
     if len(stats) < 2:
         return np.zeros_like(packed), False
-    largest = np.zeros((len(packed), 8 * packed.shape[1]), bool)
-    largest[:, :width] = labels == 1 + stats[1:, cv2.CC_STAT_AREA].argmax()
-    found = np.packbits(largest, axis=1)
-    box = person_box(found)
-    assert box is not None
-    top, bottom, left, right = box
-    return found, top > 0 and left > 0 and bottom < len(packed) and right < width
+    largest = 1 + stats[1:, cv2.CC_STAT_AREA].argmax()
+    left, top, across, down, _ = stats[largest]
+    whole = bool(left > 0 and top > 0 and left + across < width and top + down < len(packed))
+    kept = np.zeros((len(packed), 8 * packed.shape[1]), bool)
+    kept[:, :width] = labels == largest
+    return np.packbits(kept, axis=1), whole

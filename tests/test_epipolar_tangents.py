@@ -11,7 +11,7 @@ from jaxskel._distance_images import distance_images
 from jaxskel._epipolar_tangents import EpipolarTangents, convex_outlines, epipolar_tangents, tangent_sensitivity
 from jaxskel._extrinsics import ExtrinsicChange, changed
 
-# The first camera faces the fourth, and so on: no plane through their centres passes by the person.
+# The first camera faces the fourth, and so on.
 VIEWS, FRAMES = 6, 5
 SIZE, FOCAL = (240, 200), 190.0
 MIDDLES = np.tile([0.0, 0.0, 1.0], (FRAMES, 1))
