@@ -121,7 +121,7 @@ def _loss_and_slope(
 ) -> tuple[tuple[Array, Array], Array]:
     """Mean error (m) and which frames converged, and the slope of the error."""
 
-    def loss(logarithms: Float[Array, " terms"]) -> tuple[Array, Array]:
+    def loss(logarithms: Float[Array, " terms"]) -> tuple[Array, tuple[Array, Array]]:
         objective, skeleton, initial, observed, labels = given
         names = sorted(objective.terms)
         scaled = {name: objective.terms[name].weight * jnp.exp(logarithms[i]) for i, name in enumerate(names)}
@@ -130,6 +130,9 @@ def _loss_and_slope(
         known = jnp.isfinite(labels).all(-1) & found.converged[:, None]
         apart = jnp.where(known[..., None], found.joints - labels, 0.0)
         errors = jnp.sqrt((apart**2).sum(-1) + _SMALL**2) - _SMALL
-        return errors.sum() / jnp.maximum(known.sum(), 1) + _HOLD * (logarithms**2).sum(), found.converged
+        value = errors.sum() / jnp.maximum(known.sum(), 1) + _HOLD * (logarithms**2).sum()
+        return value, (value, found.converged)
 
-    return jax.value_and_grad(loss, has_aux=True)(logarithms)
+    # Forwards: there are few weights, and nothing need be turned round.
+    slope, found = jax.jacfwd(loss, has_aux=True)(logarithms)
+    return found, slope
