@@ -127,8 +127,10 @@ def _loss_and_slope(
         scaled = {name: objective.terms[name].weight * jnp.exp(logarithms[i]) for i, name in enumerate(names)}
         changed = objective.weighted(**scaled)
         found = refine_frames(changed, parametrisation, solver, skeleton, initial, observed, rounds, max_steps)
-        known = jnp.isfinite(labels).all(-1) & found.converged[:, None]
-        apart = jnp.where(known[..., None], found.joints - labels, 0.0)
+        known = jnp.isfinite(labels).all(-1)
+        # All of them count, so that nothing is gained by a frame that ceases to converge; it just has no slope.
+        joints = jnp.where(found.converged[:, None, None], found.joints, jax.lax.stop_gradient(found.joints))
+        apart = jnp.where(known[..., None], joints - labels, 0.0)
         errors = jnp.sqrt((apart**2).sum(-1) + _SMALL**2) - _SMALL
         value = errors.sum() / jnp.maximum(known.sum(), 1) + _HOLD * (logarithms**2).sum()
         return value, (value, found.converged)
