@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
+from .._settings import Settings
 from ..batch import (
     PROCESS_BYTES,
     BatchResult,
@@ -49,7 +50,7 @@ def batch(
         list[str] | None, typer.Option(metavar="KEY=VALUE", help="Option of sbatch, such as partition=long.")
     ] = None,
     subject: Subject = None,
-    spacing: Spacing = 0.015,
+    spacing: Spacing = Settings.spacing,
     max_misses: MaxMisses = None,
     box: Box = None,
     preset: PresetOption = Preset.DEFAULT,

@@ -9,6 +9,7 @@ from rich.table import Table
 
 from .._calibrate_body import FRAMES, STAGES, CalibratedBody
 from .._calibrate_body import calibrate_body as found_body
+from .._settings import Settings
 from .._skeleton import default_adult
 from ..io import read_recording, write_subject
 from ._progress import progress_bar
@@ -26,7 +27,7 @@ def calibrate_body(
         float | None, typer.Option(help="Rough standing height to start from (m). Default: judged from the hulls.")
     ] = None,
     frames: Annotated[int, typer.Option(min=8, help="Frames to use, spread evenly.")] = FRAMES,
-    spacing: Spacing = 0.015,
+    spacing: Spacing = Settings.spacing,
     max_misses: MaxMisses = None,
 ) -> None:
     """Find the subject's bone lengths and radii from the silhouettes; dimensions in the recording are not looked at."""

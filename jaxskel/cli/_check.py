@@ -28,7 +28,7 @@ def check(
     source: Recorded,
     output: Annotated[Path, typer.Option("--output", "-o", help="Picture to write.")] = Path("check.png"),
     frame: Annotated[int | None, typer.Option(help="Frame to draw, counted from 0; the middle one by default.")] = None,
-    spacing: Spacing = 0.015,
+    spacing: Spacing = Settings.spacing,
     max_misses: MaxMisses = None,
     box: Box = None,
 ) -> None:

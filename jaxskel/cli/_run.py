@@ -50,7 +50,7 @@ def run(
     source: Recorded,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write to.")],
     subject: Subject = None,
-    spacing: Spacing = 0.015,
+    spacing: Spacing = Settings.spacing,
     max_misses: MaxMisses = None,
     box: Box = None,
     preset: PresetOption = Preset.DEFAULT,

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from .._recording import Recording
+from .._settings import Settings
 from ..io import read_poses, read_recording
 from ._progress import progress_bar
 from ._run import Box, MaxMisses, Preset, PresetOption, Recorded, Spacing, make_settings
@@ -21,7 +22,7 @@ def view(
     save: Annotated[
         Path | None, typer.Option(help="File to write (.rrd) instead of opening a window: `rerun FILE.rrd` shows it.")
     ] = None,
-    spacing: Spacing = 0.015,
+    spacing: Spacing = Settings.spacing,
     max_misses: MaxMisses = None,
     box: Box = None,
     preset: PresetOption = Preset.DEFAULT,
