@@ -1,18 +1,15 @@
 """One step of the refinement of a rig: residuals that are linear in the unknowns, robust weights, and a prior."""
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from ._coherence import NOTHING, Sensitivity
+from ._coherence import Sensitivity
 from ._kept import kept
 from ._levenberg_marquardt import LevenbergMarquardt
 
-# Of a squared residual above the typical one; below, the rest counts. Above a half by far: see `camera_step`.
-_ABOVE = 0.9
 # Noise (px, standard deviation) that even the outlines of clean masks have, from their pixels.
 _LEAST_NOISE = 0.25
 # Of normal noise: what the median of its absolute values must be multiplied by.
@@ -47,14 +44,13 @@ def camera_step(
     units: Float[Array | np.ndarray, "6"],
     noise: Float[Array | np.ndarray, "2"],
 ) -> CameraStep:
-    """Bring silhouettes together: ``sum w a (r - c)^2 + sum w q^2 + |unknowns|^2``, the last part the prior.
+    """Bring silhouettes together: ``sum w max(0, r - n)^2 + sum w q^2 + |unknowns|^2``, the last part the prior.
 
-    An expectile regression: ``a`` is large above ``c`` and small below, since a ray that misses the others' hull shows
-    an error, and one that runs through it may well do so. How deep rays run typically, ``c``, is found with the rig:
-    were it held at zero, the noise of outlines would not cancel, and the rig would be bent until no ray missed by it.
+    What rays miss by less than the noise ``n`` of outlines that are made of pixels is no evidence. As only what is
+    positive counts, noise does not cancel: the rig would be bent until no ray missed by it.
 
     Args:
-        rays: Residuals r of the rig as it is now.
+        rays: Residuals r of the rig as it is now, evidence where they are positive.
         tangents: Residuals q that are evidence in either direction.
         now: The rig's unknowns.
         units: The prior's standard deviations of the unknowns of a camera (rad and m).
@@ -62,28 +58,22 @@ def camera_step(
     """
     start = jnp.asarray(now).reshape(-1)
 
-    def weighted(found: Sensitivity, noise: Float[Array, ""], alike: float) -> tuple[Array, Array, Array]:
+    def weighted(found: Sensitivity, noise: Float[Array, ""], alike: float, margin: float) -> tuple[Array, Array]:
         # Geman and McClure's weights.
         weight = 1 / (1 + (found.value / (_TAIL * noise)) ** 2) / (noise * np.sqrt(alike))
-        weight = jnp.where(found.value > NOTHING, weight, 0.0)
         rows = (found.slopes * units[None, None]).reshape(len(found.value), -1) * weight[:, None]
-        return rows, found.value * weight - rows @ start, weight
+        return rows, (found.value - margin) * weight - rows @ start
 
     noise = jnp.asarray(noise)
     # The planes of a view with each of the others touch about the same place of its outline, and err together.
     shared = max(_ALIKE, len(now) - 1.0)
-    given = weighted(rays, noise[0], _ALIKE), weighted(tangents, noise[1], shared)
+    given = weighted(rays, noise[0], _ALIKE, _LEAST_NOISE), weighted(tangents, noise[1], shared, 0.0)
 
-    def residuals(unknowns: Float[Array, " unknowns"], given: tuple[tuple[Array, ...], ...]) -> tuple[Array, ...]:
-        (through, missed, weight), (touching, apart, _) = given
-        missed = through @ unknowns[:-1] + missed - weight * unknowns[-1]
-        share = jnp.where(missed > 0, _ABOVE, 1 - _ABOVE)
-        return jnp.sqrt(share) * missed, touching @ unknowns[:-1] + apart, unknowns[:-1]
+    def residuals(unknowns: Float[Array, " unknowns"], given: tuple[tuple[Array, Array], ...]) -> tuple[Array, ...]:
+        missed, apart = (rows @ unknowns + values for rows, values in given)
+        return jnp.maximum(missed, 0.0), apart, unknowns
 
-    begin = jnp.append(start, 0.0)
-    solution = optx.least_squares(residuals, _SOLVER, begin, args=given, max_steps=_MAX_STEPS, throw=False).value
-    rows = jax.jacfwd(lambda unknowns: jnp.concatenate(residuals(unknowns, given)))(solution)
-    # How deep rays run is held as weakly as the numbers allow, in case no ray tells anything.
-    known = rows.T @ rows + 1e-9 * jnp.eye(begin.size)
-    spread = jnp.sqrt(jnp.diagonal(jnp.linalg.inv(known))[:-1])
-    return CameraStep(solution[:-1].reshape(-1, 6), spread.reshape(-1, 6))
+    solution = optx.least_squares(residuals, _SOLVER, start, args=given, max_steps=_MAX_STEPS, throw=False).value
+    missing = jnp.where(residuals(solution, given)[0][:, None] > 0, given[0][0], 0.0)
+    known = missing.T @ missing + given[1][0].T @ given[1][0] + jnp.eye(start.size)
+    return CameraStep(solution.reshape(-1, 6), jnp.sqrt(jnp.diagonal(jnp.linalg.inv(known))).reshape(-1, 6))

@@ -24,9 +24,9 @@ from ._views import MIN_VIEWS, lost_views, silhouette_areas
 FRAMES = 60
 """Frames that are used by default: the errors of their masks are independent, those of more rays of a frame are not."""
 _RAYS = 300  # of a view: every fifth point of the outline of a person who is 400 px tall
-_ROUNDS = 25
+_ROUNDS = 20
 # The search ends where no unknown changes by more than this part of its prior's standard deviation.
-_CHANGE = 0.01
+_CHANGE = 0.03
 # Distances reach as far as an error of this many of the prior's standard deviations moves a silhouette.
 _SIGMAS = 4.0
 # A camera whose rotation is known no better than this, in units of the prior's, was hardly seen. (What the silhouettes
