@@ -99,8 +99,9 @@ def together(name: str, problem: RefinementProblem, settings: Settings, fps: flo
 
     def solved() -> Refined:
         return refine_sequence(
-            objective, settings.parametrisation, solver, problem.skeleton, problem.initial, problem.observed
-        )
+            objective, settings.parametrisation, solver, problem.skeleton, problem.initial, problem.observed,
+            settings.rounds,
+        )  # fmt: skip
 
     solved()
     report(name, "jointly", solved, len(problem.frames), repeat, problem, len(TRACES))
