@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 from calibration_files import FORMATS, Format, a_rig, sizes_of
 from exported import moving
+from filed import a_recording as a_clip
+from filed import some_poses
 from test_folders import a_recording, write_folder
-from test_io import a_recording as a_clip
-from test_io import some_poses
 from test_motion_files import AMC, ASF, BVH, is_valid
 
 from jaxskel import Recording, default_adult, make_body
