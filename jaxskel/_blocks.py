@@ -5,21 +5,21 @@ falls on any of the cells of the image around its voxels' pixels. So no voxel of
 """
 
 import math
-from collections.abc import Callable
-from functools import reduce
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int, UInt32
 
+from ._frame_words import CELL, in_place
 from ._kept import kept
 
 EDGE = 4
 """Voxels along the edge of a block."""
+INNER = EDGE**3
+"""Voxels of a block. What is known of each voxel is kept block by block: that is how it is looked up."""
 # Edges of cells (px), fine to coarse. A footprint is looked up in two by two of them.
-_CELLS = (8, 16, 32, 64)
+_CELLS = tuple(CELL * times for times in (1, 2, 4, 8))
 
 
 def grid_of_blocks(shape: tuple[int, ...]) -> tuple[int, ...]:
@@ -32,49 +32,75 @@ def count_blocks(shape: tuple[int, ...]) -> int:
     return math.prod(grid_of_blocks(shape))
 
 
-def find_footprints(
-    pixels: Int[np.ndarray, " voxels"], shape: tuple[int, ...], height: int, width: int
-) -> Int[np.ndarray, " blocks"]:
-    """Where one camera sees each block, from the pixels of the voxels (`height` times `width` where it is not seen)."""
-    v, u = np.divmod(pixels.astype(np.int32), np.int32(width))
-    unseen_in = _over_blocks(pixels == height * width, shape, False, np.maximum)
-    top, bottom = _over_blocks(v, shape, height, np.minimum), _over_blocks(v, shape, -1, np.maximum)
-    left, right = _over_blocks(u, shape, width, np.minimum), _over_blocks(u, shape, -1, np.maximum)
+def voxels_of(blocks: Int[np.ndarray, " some"], shape: tuple[int, ...]) -> Int[np.ndarray, "some inner"]:
+    """The voxels of some blocks, as indices into the grid; -1 where a block juts out of it."""
+    corner = EDGE * np.stack(np.unravel_index(blocks, grid_of_blocks(shape))).astype(np.int32)
+    inner = np.stack(np.unravel_index(np.arange(INNER), (EDGE,) * 3)).astype(np.int32)
+    strides = np.array([shape[1] * shape[2], shape[2], 1], np.int32)
+    flat = (strides @ corner)[:, None] + strides @ inner
+    outside = np.zeros(flat.shape, bool)
+    for first, within, count in zip(corner, inner, shape, strict=True):
+        last = np.flatnonzero(first + EDGE > count)
+        outside[last] |= first[last, None] + within >= count
+    flat[outside] = -1
+    return flat
+
+
+def blocks_of(
+    voxels: Int[np.ndarray, "n 3"], shape: tuple[int, ...]
+) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
+    """The block that each voxel, given by x, y and z, is in, and its place among the voxels of it."""
+    x, y, z = (voxels[:, axis] for axis in range(3))
+    _, columns, layers = grid_of_blocks(shape)
+    block = (x // EDGE * columns + y // EDGE) * layers + z // EDGE
+    return block, (x % EDGE * EDGE + y % EDGE) * EDGE + z % EDGE
+
+
+def find_footprints(pixels: Int[np.ndarray, "blocks inner"], height: int, width: int) -> Int[np.ndarray, " blocks"]:
+    """Where one camera sees each block, from the pixels of its voxels (`height` times `width` where it sees none)."""
+    v = pixels // np.int32(width)
+    u = pixels - v * np.int32(width)
+    top, bottom, left, right = v.min(1), v.max(1), u.min(1), u.max(1)
+    seen = pixels.max(1) < height * width
     total = sum(rows * columns for rows, columns in _levels(height, width))
     found = np.full(len(top), total, np.int32)
     start = 0
     for cell, (rows, columns) in zip(_CELLS, _levels(height, width), strict=True):
         small = (bottom // cell - top // cell <= 1) & (right // cell - left // cell <= 1)
-        here = small & (found == total) & ~unseen_in
+        here = small & (found == total) & seen
         found[here] = start + (top[here] // cell) * columns + left[here] // cell
         start += rows * columns
     return found
 
 
 @kept
-def pooled(words: UInt32[Array, "cams pixels"], height: int, width: int) -> UInt32[Array, "cams cells"]:
-    """Of two by two cells each, from their upper left one on, which frames have the person on any pixel; by size."""
+def pooled(
+    words: UInt32[Array, "cams rows columns"],
+    corner: Int[Array | np.ndarray, "cams 2"],
+    blank: UInt32[Array | np.ndarray, " cams"],
+    height: int,
+    width: int,
+) -> UInt32[Array, "cams cells"]:
+    """Of two by two cells each, from their upper left one on, which frames have the person on any pixel; by size.
+
+    Args:
+        words: Of the windows, see `cut_windows`.
+        corner: Row and byte of each window.
+        blank: The word of all other pixels.
+        height: Of the whole images (px).
+        width: Likewise.
+    """
     levels = []
-    cells = words.reshape(-1, height, width)
-    edge = 1
+    edge = CELL
+    cells = _any_of(_any_of(words, 1, edge), 2, edge)
+    row_and_column = jnp.asarray(corner) // jnp.array([[CELL, 1]])
+    cells = in_place(cells, row_and_column, blank, *_levels(height, width)[0])
     for cell in _CELLS:
         cells, edge = _any_of(_any_of(cells, 1, cell // edge), 2, cell // edge), cell
         two = cells | jnp.pad(cells[:, 1:], ((0, 0), (0, 1), (0, 0)))
         two |= jnp.pad(two[:, :, 1:], ((0, 0), (0, 0), (0, 1)))
         levels.append(two.reshape(len(words), -1))
     return jnp.concatenate(levels, 1)
-
-
-def voxels_of(blocks: Int[np.ndarray, " some"], shape: tuple[int, ...]) -> Int[np.ndarray, " voxels"]:
-    """The voxels of some blocks, as indices into the grid."""
-    corner = EDGE * np.stack(np.unravel_index(blocks, grid_of_blocks(shape))).astype(np.int32)
-    x, y, z = (axis[:, None] + np.arange(EDGE, dtype=np.int32) for axis in corner)
-    row = x[:, :, None] * np.int32(shape[1]) + y[:, None]
-    flat = row[..., None] * np.int32(shape[2]) + z[:, None, None]
-    if not any(n % EDGE for n in shape):
-        return flat.reshape(-1)
-    there = [axis < n for axis, n in zip((x, y, z), shape, strict=True)]
-    return flat[there[0][:, :, None, None] & there[1][:, None, :, None] & there[2][:, None, None]]
 
 
 def _levels(height: int, width: int) -> list[tuple[int, int]]:
@@ -91,15 +117,3 @@ def _any_of(cells: UInt32[Array, "cams rows columns"], axis: int, count: int) ->
     for first in range(1, count):
         found |= jax.lax.slice_in_dim(cells, first, None, count, axis)
     return found
-
-
-def _over_blocks(
-    values: np.ndarray, shape: tuple[int, ...], fill: int | bool, over: Callable[[Any, Any], np.ndarray]
-) -> np.ndarray:
-    """The least or largest of each block's voxels."""
-    values = np.pad(values.reshape(shape), [(0, -n % EDGE) for n in shape], constant_values=fill)
-    # Whole slices of numbers are compared, not the few of each block.
-    for axis in (2, 1, 0):
-        ahead = (slice(None),) * axis
-        values = reduce(over, [values[*ahead, first::EDGE] for first in range(EDGE)])
-    return values.reshape(-1)

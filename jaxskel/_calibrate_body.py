@@ -12,9 +12,9 @@ from jaxtyping import Float
 from ._body import Body, make_body
 from ._bundle import bundle_adjust
 from ._calibrate import Costs
-from ._carve import FRAMES_PER_WORD
 from ._dimensions import LENGTH_NAMES, lengths_of, relaxed_shape, shaped_body
 from ._fits import fit_poses, fit_scales
+from ._frame_words import FRAMES_PER_WORD
 from ._limbs import Limbs
 from ._observe import labelled_limbs, middles_of_people, observed_volume, person_graphs, see_people
 from ._prepare import prepare

@@ -1,7 +1,7 @@
 """Space carving (Sect. 3): silhouettes to visual hulls, jit-compiled, 32 frames to a machine word.
 
-Cameras and grid are static, so the pixel that each voxel falls on is looked up once and kept in a table. Bit f of a
-word belongs to frame f: one gather and one AND carve 32 frames. Blocks of voxels go first, see `_blocks`.
+Cameras and grid are static, so the pixel that each voxel falls on is looked up once and kept in a table. One gather
+and one AND carve 32 frames, see `_frame_words`. Blocks of voxels go first, see `_blocks`.
 """
 
 from functools import reduce
@@ -10,52 +10,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Int, UInt8, UInt32
 
-from ._blocks import count_blocks, pooled, voxels_of
+from ._blocks import INNER, count_blocks, pooled, voxels_of
+from ._frame_words import FRAMES_PER_WORD, Windows, cut_windows, frame_words, whole_images
 from ._hull import VisualHulls
 from ._kept import kept
 from ._projection import ProjectionTable
 
-FRAMES_PER_WORD = 32
 _ALL = np.uint32(0xFFFFFFFF)
-_AT_ONCE = 1 << 15  # voxels
-
-
-@kept
-def frame_words(
-    packed: UInt8[Array | np.ndarray, "frames=32 cams h w8"], lost: Bool[Array | np.ndarray, "frames=32 cams"]
-) -> UInt32[Array, "cams pixels"]:
-    """Turn the packed bits of 32 frames into one word a pixel.
-
-    A lost view is all ones in its frame, so it carves nothing.
-    """
-    bit = jnp.arange(FRAMES_PER_WORD, dtype=jnp.uint32)
-    lost_words = (lost.astype(jnp.uint32) << bit[:, None]).sum(0, dtype=jnp.uint32)
-    quarters = [_transposed([packed[f + k] for k in range(8)]) for f in range(0, FRAMES_PER_WORD, 8)]
-    columns = [
-        reduce(
-            jnp.bitwise_or,
-            (part.astype(jnp.uint32) << (8 * i) for i, part in enumerate(parts)),
-            lost_words[:, None, None],
-        )
-        for parts in zip(*quarters, strict=True)
-    ]
-    return jnp.stack(columns, -1).reshape(packed.shape[1], -1)
-
-
-def _transposed(rows: list[UInt8[Array, "*image"]]) -> list[UInt8[Array, "*image"]]:
-    """Bit k of the i-th of eight bytes becomes bit i of the k-th byte, counted from the highest.
-
-    Blocks of four, of two and of one bit change places (Warren, *Hacker's Delight*, 7-3), for all pixels at once.
-    """
-    for distance, mask in ((4, np.uint8(0x0F)), (2, np.uint8(0x33)), (1, np.uint8(0x55))):
-        swapped = list(rows)
-        for i in range(8):
-            if not i & distance:
-                other = i + distance
-                change = ((rows[i] >> distance) ^ rows[other]) & mask
-                swapped[i], swapped[other] = rows[i] ^ (change << distance), rows[other] ^ change
-        rows = swapped
-    return rows[::-1]
+_AT_ONCE = 1 << 9  # blocks
 
 
 @kept
@@ -82,29 +44,39 @@ def carve_words(
 @kept
 def _carve_some(
     words: UInt32[Array, "cams pixels"],
-    pixels: Int[Array, "cams voxels"],
-    observed: Bool[Array, " voxels"],
-    voxels: Int[Array | np.ndarray, " some"],
+    pixels: Int[Array, "cams blocks inner"],
+    observed: Bool[Array, "blocks inner"],
+    blocks: Int[Array | np.ndarray, " some"],
     max_misses: int,
-) -> UInt32[Array, " some"]:
-    """Carve some voxels of the grid."""
-    seen = pixels.at[:, voxels].get(mode="promise_in_bounds")
-    return jnp.where(observed[voxels], carve_words(words, seen, max_misses), jnp.uint32(0))
+) -> UInt32[Array, "some inner"]:
+    """Carve the voxels of some blocks."""
+    seen = pixels.at[:, blocks].get(mode="promise_in_bounds")
+    carved = carve_words(words, seen.reshape(len(words), -1), max_misses).reshape(seen.shape[1:])
+    return jnp.where(observed[blocks], carved, jnp.uint32(0))
 
 
 def _carve_word(
-    words: UInt32[Array, "cams pixels"], table: ProjectionTable, max_misses: int
-) -> UInt32[np.ndarray, " voxels"]:
-    """Carve 32 frames: first blocks of voxels, then the voxels of those that are left, a fixed number at a time."""
-    blocks = np.asarray(carve_words(pooled(words, *table.size), table.padded_footprints, max_misses))
-    voxels = voxels_of(np.flatnonzero(blocks[: count_blocks(table.grid.shape)]), table.grid.shape)
-    found = np.zeros(table.grid.size, np.uint32)
-    for start in range(0, len(voxels), _AT_ONCE):
-        some = voxels[start : start + _AT_ONCE]
-        full = np.resize(some, _AT_ONCE) if len(some) < _AT_ONCE else some
-        carved = _carve_some(words, table.padded_pixels, table.padded_observed, full, max_misses)
-        found[some] = np.asarray(carved)[: len(some)]
-    return found
+    windows: Windows, table: ProjectionTable, max_misses: int
+) -> tuple[Int[np.ndarray, " some"], UInt32[np.ndarray, " some"]]:
+    """Carve 32 frames: first blocks of voxels, then the voxels of those that are left, a fixed number at a time.
+
+    Returns:
+        Voxels that are occupied in some frame, as indices into the grid, not in order, and their words.
+    """
+    words = frame_words(windows)
+    where = windows.corner, windows.blank, *table.size
+    blocks = np.asarray(carve_words(pooled(words, *where), table.footprints, max_misses))
+    left = np.flatnonzero(blocks[: count_blocks(table.grid.shape)] != 0).astype(np.int32)
+    images = whole_images(words, *where)
+    found: list[np.ndarray] = []
+    for start in range(0, len(left), _AT_ONCE):
+        some = np.resize(left[start : start + _AT_ONCE], _AT_ONCE)
+        found.append(
+            np.asarray(_carve_some(images, table.pixels_of_blocks, table.observed_of_blocks, some, max_misses))
+        )
+    carved = np.concatenate([np.zeros((0, INNER), np.uint32), *found])[: len(left)].reshape(-1)
+    occupied = np.flatnonzero(carved != 0)
+    return voxels_of(left, table.grid.shape).reshape(-1).take(occupied), carved.take(occupied)
 
 
 def carve(
@@ -126,7 +98,7 @@ def carve(
     """
     frames, cams = silhouettes.shape[:2]
     lost = np.zeros((frames, cams), bool) if lost is None else lost
-    words = []
+    found = []
     for start in range(0, frames, FRAMES_PER_WORD):
         part, gone = silhouettes[start : start + FRAMES_PER_WORD], lost[start : start + FRAMES_PER_WORD]
         # A full word always, so that a shorter last batch does not compile again; the bits of the rest are no one's.
@@ -134,12 +106,24 @@ def carve(
         if missing:
             part = np.pad(part, ((0, missing), (0, 0), (0, 0), (0, 0)))
             gone = np.pad(gone, ((0, missing), (0, 0)))
-        words.append(_carve_word(frame_words(part, gone), table, max_misses) & (_ALL >> np.uint32(missing)))
-    occupied = np.flatnonzero(reduce(np.bitwise_or, words, np.zeros(table.grid.size, np.uint32)))
+        voxels, words = _carve_word(cut_windows(part, gone), table, max_misses)
+        found.append((voxels, words & (_ALL >> np.uint32(missing))))
+    occupied, words = _in_order(found)
     inside = np.empty((frames, len(occupied)), bool)
-    for i, word in enumerate(words):
-        own = word.take(occupied)
-        for f in range(i * FRAMES_PER_WORD, min(frames, (i + 1) * FRAMES_PER_WORD)):
-            np.not_equal(own & np.uint32(1 << f % FRAMES_PER_WORD), 0, out=inside[f])
+    for f in range(frames):
+        np.not_equal(words[f // FRAMES_PER_WORD] & np.uint32(1 << f % FRAMES_PER_WORD), 0, out=inside[f])
     voxels = np.stack(np.unravel_index(occupied, table.grid.shape), -1).astype(np.int32)
     return VisualHulls(voxels, inside, table.grid)
+
+
+def _in_order(
+    found: list[tuple[np.ndarray, np.ndarray]],
+) -> tuple[Int[np.ndarray, " voxels"], UInt32[np.ndarray, "words voxels"]]:
+    """Voxels that are occupied in some frame of some word, in the grid's order, and their words."""
+    every = np.concatenate([np.zeros(0, np.int32), *(voxels for voxels, _ in found)])
+    first, last = int(every.min(initial=2**31 - 1)), int(every.max(initial=-1))
+    dense = np.zeros((len(found), max(0, last + 1 - first)), np.uint32)
+    for row, (voxels, words) in zip(dense, found, strict=True):
+        row[voxels - first] = words
+    occupied = np.flatnonzero(reduce(np.bitwise_or, dense, np.zeros(dense.shape[1], np.uint32)) != 0)
+    return first + occupied, dense.take(occupied, axis=1)

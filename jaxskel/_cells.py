@@ -75,7 +75,7 @@ class Cells:
             other = self._number.take(around, mode="clip")
             self._number[layer] = 0
             start += size
-            hit = np.flatnonzero(other)
+            hit = np.flatnonzero(other != 0)
             source = hit // len(_BESIDE)
             way, target = hit - source * len(_BESIDE), other.reshape(-1).take(hit) - 1
             here, there = codes.take(source) & _HERE.take(way), codes.take(target) & _THERE.take(way)

@@ -91,8 +91,7 @@ def _joined(
 
 def shares_outside(hulls: VisualHulls, table: ProjectionTable) -> Float[np.ndarray, "frames cams"]:
     """Share of each hull's voxels that lies outside each camera's image: above zero, the image cuts the body."""
-    index = np.ravel_multi_index(tuple(hulls.voxels.T), hulls.grid.shape)
-    unseen = table.pixels[:, index] == table.unseen
+    unseen = table.pixels_at(hulls.voxels) == table.unseen
     shares = np.zeros((len(hulls), len(unseen)))
     for camera in np.flatnonzero(unseen.any(1)):  # mostly none
         shares[:, camera] = hulls.inside[:, unseen[camera]].sum(1)

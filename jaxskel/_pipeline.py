@@ -11,11 +11,11 @@ from jaxtyping import Bool, Float, Int, UInt8
 
 from ._body import Body, place_joints
 from ._camera import Cameras
-from ._carve import FRAMES_PER_WORD
 from ._confidence import joint_confidence, searched_confidence
 from ._descriptors import template_ends
 from ._explained import NOT_THE_SUBJECT, trust_in_explained, unexplained_shares
 from ._forest import forest_of
+from ._frame_words import FRAMES_PER_WORD
 from ._graph import SkeletalGraph
 from ._hypotheses import Hypotheses
 from ._initialise import initial_poses

@@ -8,7 +8,7 @@ import numpy as np
 from ._body import make_body
 from ._calibrate import calibrate
 from ._camera import Cameras
-from ._carve import FRAMES_PER_WORD
+from ._frame_words import FRAMES_PER_WORD
 from ._grid import make_grid
 from ._observe import labelled_limbs, middles_of_people, observed_volume, person_graphs, see_people
 from ._person import observed_edge

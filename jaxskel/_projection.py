@@ -8,41 +8,56 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ._blocks import find_footprints
+from ._blocks import INNER, blocks_of, count_blocks, find_footprints, voxels_of
 from ._camera import Cameras, project
 from ._grid import VoxelGrid
 from ._kept import kept
+from ._stacks import step_above
 
-# Voxels that are projected at once: always the same number, so that another grid does not compile again.
-_AT_ONCE = 1 << 16
+# Blocks of voxels that are projected at once: always the same number, so that another grid does not compile again.
+_AT_ONCE = 1 << 10
 
 
 class ProjectionTable(eqx.Module):
     """Which pixel each voxel centre falls on, for static cameras and a static grid."""
 
     grid: VoxelGrid
-    padded_pixels: Int[Array, "cams at_least_voxels"]
-    """The `pixels`, and more that nobody looks at: grids of about the same size share what is compiled."""
-    padded_observed: Bool[Array, " at_least_voxels"]
-    padded_footprints: Int[Array, "cams at_least_blocks"]
-    """Where each camera sees each block of voxels, see `find_footprints`; and more."""
+    pixels_of_blocks: Int[Array, "cams at_least_blocks inner"]
+    """The `pixels` block by block, see `voxels_of`, and of more blocks that nobody looks at: grids of about the same
+    size share what is compiled."""
+    observed_of_blocks: Bool[Array, "at_least_blocks inner"]
+    footprints: Int[Array, "cams at_least_blocks"]
+    """Where each camera sees each block of voxels, see `find_footprints`."""
     size: tuple[int, int] = eqx.field(static=True)
     """Height and width of the stored silhouettes (px)."""
 
     @property
     def pixels(self) -> Int[np.ndarray, "cams voxels"]:
         """Index into the flattened image; one past its end where the camera does not see the voxel."""
-        return np.asarray(self.padded_pixels)[:, : self.grid.size]
+        return self._by_voxel(np.asarray(self.pixels_of_blocks))
 
     @property
     def observed(self) -> Bool[np.ndarray, " voxels"]:
         """Seen by enough cameras to be told from the background."""
-        return np.asarray(self.padded_observed)[: self.grid.size]
+        return self._by_voxel(np.asarray(self.observed_of_blocks))
 
-    def with_observed(self, observed: Bool[np.ndarray, " voxels"]) -> "ProjectionTable":
-        """The same table, but for the voxels that count as observed."""
-        missing = self.padded_observed.shape[0] - len(observed)
-        return replace(self, padded_observed=jnp.asarray(np.pad(observed, (0, missing))))
+    def pixels_at(self, voxels: Int[np.ndarray, "n 3"]) -> Int[np.ndarray, "cams n"]:
+        """The `pixels` of some voxels, given by x, y and z."""
+        block, place = blocks_of(voxels, self.grid.shape)
+        table = np.asarray(self.pixels_of_blocks)
+        return table.reshape(len(table), -1).take(block * INNER + place, axis=1)
+
+    def with_min_views(self, min_views: int) -> "ProjectionTable":
+        """The same table with another number of cameras that must see a voxel."""
+        views = (np.asarray(self.pixels_of_blocks) < self.unseen).sum(0)
+        return replace(self, observed_of_blocks=jnp.asarray((views >= min_views) & _real(self.grid.shape, len(views))))
+
+    def _by_voxel(self, of_blocks: np.ndarray) -> np.ndarray:
+        """The grid's voxels in its order, from blocks of them."""
+        blocks, places = blocks_of(
+            np.stack(np.unravel_index(np.arange(self.grid.size), self.grid.shape), 1), self.grid.shape
+        )
+        return of_blocks[..., blocks, places]
 
     @property
     def unseen(self) -> int:
@@ -63,29 +78,33 @@ def projection_table(cameras: Cameras, grid: VoxelGrid, height: int, width: int,
         width: Width of the stored silhouettes (px), a multiple of 8.
         min_views: A voxel seen by fewer cameras than this is never occupied: nothing bounds it.
     """
-    pixels = np.full((len(cameras), _step_above(grid.size)), height * width, np.int32)
+    blocks = count_blocks(grid.shape)
+    pixels = np.full((len(cameras), step_above(blocks), INNER), height * width, np.int32)
     axes = grid.axes()
     # Names are no numbers, and other names would compile again.
     nameless = replace(cameras, names=tuple(map(str, range(len(cameras)))))
     # Part by part, because all coordinates of a large grid at once would take gigabytes.
     with jax.enable_x64(True):
-        for start in range(0, grid.size, _AT_ONCE):
-            part = np.arange(start, start + _AT_ONCE) % grid.size
+        for start in range(0, blocks, _AT_ONCE):
+            voxels = voxels_of(np.arange(start, start + _AT_ONCE) % blocks, grid.shape)
+            # What a block has outside of the grid is seen where its first voxel is.
+            part = np.where(voxels < 0, voxels[:, :1], voxels).reshape(-1)
             points = [axis.take(index) for axis, index in zip(axes, np.unravel_index(part, grid.shape), strict=True)]
-            found = np.asarray(_pixels(nameless, np.stack(points, 1), height, width))
-            stop = min(start + _AT_ONCE, grid.size)
+            found = np.asarray(_pixels(nameless, np.stack(points, 1), height, width)).reshape(len(cameras), -1, INNER)
+            stop = min(start + _AT_ONCE, blocks)
             pixels[:, start:stop] = found[:, : stop - start]
-    seen_by = (pixels < height * width).sum(0)
-    footprints = np.stack([find_footprints(each[: grid.size], grid.shape, height, width) for each in pixels])
-    footprints = np.pad(footprints, ((0, 0), (0, _step_above(footprints.shape[1]) - footprints.shape[1])))
-    observed = seen_by >= min_views
-    return ProjectionTable(grid, jnp.asarray(pixels), jnp.asarray(observed), jnp.asarray(footprints), (height, width))
+    footprints = np.stack([find_footprints(each, height, width) for each in pixels])
+    none = jnp.zeros(pixels.shape[1:], bool)
+    table = ProjectionTable(grid, jnp.asarray(pixels), none, jnp.asarray(footprints), (height, width))
+    return table.with_min_views(min_views)
 
 
-def _step_above(count: int) -> int:
-    """A number that is not less, and at most a quarter more; there are four to each power of two."""
-    step = max(1, 2 ** (count.bit_length() - 3))
-    return -(-count // step) * step
+def _real(shape: tuple[int, ...], blocks: int) -> Bool[np.ndarray, "blocks inner"]:
+    """Which voxels of so many blocks are voxels of a grid."""
+    real = np.zeros((blocks, INNER), bool)
+    own = count_blocks(shape)
+    real[:own] = voxels_of(np.arange(own), shape) >= 0
+    return real
 
 
 @kept

@@ -16,6 +16,12 @@ STACK = 32
 """Stacks on the device are filled up to a multiple of this, so that few shapes are compiled."""
 
 
+def step_above(count: int) -> int:
+    """A number that is not less, and at most a quarter more: four to each power of two, so few shapes are compiled."""
+    step = max(1, 2 ** (count.bit_length() - 3))
+    return -(-count // step) * step
+
+
 def taken(tree: Any, index: Int[np.ndarray, "*some"] | Bool[np.ndarray, "*all"]) -> Any:
     """Some of a stack, in any order, also several times."""
     return jax.tree.map(lambda a: np.asarray(a)[index], tree)

@@ -18,7 +18,11 @@ def silhouette_areas(silhouettes: Silhouettes) -> Int[np.ndarray, "frames cams"]
     """Number of person pixels in every view."""
     if isinstance(silhouettes, AbstractSilhouettes):
         return np.concatenate([silhouette_areas(batch) for batch in silhouettes.batches()])
-    return np.bitwise_count(silhouettes).sum((2, 3), dtype=np.int64)
+    views = np.ascontiguousarray(silhouettes).reshape(*silhouettes.shape[:2], -1)
+    # Eight bytes at once take a fifth of the time.
+    whole = views.shape[2] // 8 * 8
+    parts = views[..., :whole].view(np.uint64), views[..., whole:]
+    return sum((np.bitwise_count(part).sum(2, dtype=np.int64) for part in parts), np.zeros(views.shape[:2], np.int64))
 
 
 def person_box(packed: UInt8[np.ndarray, "h w8"]) -> tuple[int, int, int, int] | None:

@@ -73,16 +73,11 @@ def judge_misses(
     table = projection_table(cameras, grid, silhouettes.shape[2], 8 * silhouettes.shape[3])
     filled = []
     for misses in range(most + 1):
-        hulls = carve(silhouettes, with_min_views(table, min_views + misses), lost, misses)
+        hulls = carve(silhouettes, table.with_min_views(min_views + misses), lost, misses)
         filled.append(float(np.nanmedian(filled_shares(hulls, silhouettes, lost, cameras, table))))
         if filled[0] >= _FILLED:
             return 0  # and no share of what can be filled is larger: consistent masks need one carving only
     return int(np.argmax(np.array(filled) >= _FILLED * max(filled)))
-
-
-def with_min_views(table: ProjectionTable, min_views: int) -> ProjectionTable:
-    """The same table with another number of cameras that must see a voxel."""
-    return table.with_observed((table.pixels < table.unseen).sum(0) >= min_views)
 
 
 def filled_shares(
@@ -98,8 +93,7 @@ def filled_shares(
     each voxel as a square of its own size, as [`reproject`][] does, would take far longer.
     """
     height, width = silhouettes.shape[2], 8 * silhouettes.shape[3]
-    index = np.ravel_multi_index(tuple(hulls.voxels.T), hulls.grid.shape)
-    pixels = table.pixels[:, index]
+    pixels = table.pixels_at(hulls.voxels)
     points = hulls.centres
     shares = np.full(lost.shape, np.nan)
     for f in range(len(hulls)):

@@ -3,19 +3,26 @@
 import numpy as np
 import pytest
 
-from jaxskel._blocks import EDGE, find_footprints, grid_of_blocks, pooled, voxels_of
+from jaxskel._blocks import EDGE, blocks_of, find_footprints, grid_of_blocks, pooled, voxels_of
+from jaxskel._frame_words import whole_images
 
-HEIGHT, WIDTH = 100, 136
+HEIGHT, WIDTH = 104, 136
+NOWHERE = np.zeros((1, 2), np.int32), np.zeros(1, np.uint32)
+NOWHERE_TWICE = np.zeros((2, 2), np.int32), np.zeros(2, np.uint32)
 
 
 @pytest.mark.parametrize("shape", [(8, 4, 12), (5, 6, 9), (1, 2, 3)])
 def test_every_voxel_is_in_one_block(shape):
     blocks = np.arange(int(np.prod(grid_of_blocks(shape))))
-    np.testing.assert_array_equal(np.sort(voxels_of(blocks, shape)), np.arange(np.prod(shape)))
-    for block in blocks:
-        x, y, z = np.unravel_index(voxels_of(np.array([block]), shape), shape)
+    voxels = voxels_of(blocks, shape)
+    np.testing.assert_array_equal(np.sort(voxels[voxels >= 0]), np.arange(np.prod(shape)))
+    for block, own in enumerate(voxels):
+        x, y, z = np.unravel_index(own[own >= 0], shape)
         place = np.stack([x, y, z]) // EDGE
         assert (np.ravel_multi_index(tuple(place), grid_of_blocks(shape)) == block).all()
+        found, places = blocks_of(np.stack([x, y, z], 1), shape)
+        np.testing.assert_array_equal(found, block)
+        np.testing.assert_array_equal(voxels[found, places], own[own >= 0])
 
 
 @pytest.mark.parametrize("spread", [2, 8, 30, 200])
@@ -28,13 +35,21 @@ def test_what_a_voxel_sees_its_block_sees(seed, spread):
     at = np.clip(middle + rng.integers(-spread, spread + 1, middle.shape), 0, (HEIGHT - 1, WIDTH - 1))
     pixels = (at[..., 0] * WIDTH + at[..., 1]).reshape(-1).astype(np.int32)
     pixels[rng.random(len(pixels)) < 0.003] = HEIGHT * WIDTH  # not seen
-    words = np.where(rng.random(HEIGHT * WIDTH) < 0.01, rng.integers(1, 2**32, HEIGHT * WIDTH), 0).astype(np.uint32)
-    cells = np.append(np.asarray(pooled(words[None], HEIGHT, WIDTH))[0], np.uint32(0xFFFFFFFF))
-    footprints = find_footprints(pixels, shape, HEIGHT, WIDTH)
-    seen = np.append(words, np.uint32(0xFFFFFFFF))[pixels]
-    told = 0
-    for block, footprint in enumerate(footprints):
-        own = voxels_of(np.array([block]), shape)
-        assert np.bitwise_or.reduce(seen[own]) & ~cells[footprint] == 0
-        told += cells[footprint] != 0xFFFFFFFF
-    assert told or spread > 8  # and small footprints tell something
+    voxels = voxels_of(np.arange(int(np.prod(blocks))), shape)
+    own = pixels[np.where(voxels < 0, voxels[:, :1], voxels)]
+    image = np.where(rng.random((HEIGHT, WIDTH)) < 0.01, rng.integers(1, 2**32, (HEIGHT, WIDTH)), 0).astype(np.uint32)
+    cells = np.append(np.asarray(pooled(image[None], *NOWHERE, HEIGHT, WIDTH))[0], np.uint32(0xFFFFFFFF))
+    seen = np.append(image, np.uint32(0xFFFFFFFF))[own]
+    footprints = find_footprints(own, HEIGHT, WIDTH)
+    assert not (np.bitwise_or.reduce(seen, 1) & ~cells[footprints]).any()
+    assert (cells[footprints] != 0xFFFFFFFF).any() or spread > 8  # and small footprints tell something
+
+
+def test_windows_are_pooled_where_they_are():
+    rng = np.random.default_rng(0)
+    words = rng.integers(0, 2**32, (2, 24, 32)).astype(np.uint32)
+    corner, blank = np.array([[8, 3], [72, 0]], np.int32), np.array([0, 5], np.uint32)
+    images = np.asarray(whole_images(words, corner, blank, HEIGHT, WIDTH))
+    expected = pooled(images.reshape(2, -1, WIDTH), *NOWHERE_TWICE, HEIGHT, WIDTH)
+    found = pooled(words, corner, blank, HEIGHT, WIDTH)
+    np.testing.assert_array_equal(found, expected)

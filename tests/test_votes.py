@@ -13,7 +13,7 @@ from jaxskel._hull import VisualHulls
 from jaxskel._person import find_people, observed_edge
 from jaxskel._projection import projection_table
 from jaxskel._views import lost_views, silhouette_areas
-from jaxskel._votes import filled_shares, judge_misses, most_misses, with_min_views
+from jaxskel._votes import filled_shares, judge_misses, most_misses
 from jaxskel.synthetic import make_scene
 
 SPACING = 0.02
@@ -146,7 +146,7 @@ def test_min_views_count_the_cameras_that_see_a_voxel():
     for min_views in (2, 4, 5):
         expected = projection_table(cameras, grid, 120, 160, min_views).observed
         assert 0 < np.asarray(expected).sum() < grid.size
-        np.testing.assert_array_equal(with_min_views(table, min_views).observed, expected)
+        np.testing.assert_array_equal(table.with_min_views(min_views).observed, expected)
 
 
 def test_filled_shares_of_a_person_with_one_arm():

@@ -6,7 +6,8 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
-from .._carve import FRAMES_PER_WORD, carve
+from .._carve import carve
+from .._frame_words import FRAMES_PER_WORD
 from .._graph import SkeletalGraph
 from .._hull import VisualHulls
 from .._limbs import Limbs

@@ -1,0 +1,110 @@
+"""32 frames to a machine word: bit f of a pixel's word belongs to frame f, so one AND carves 32 frames.
+
+A person fills a small part of an image. Only a window of it is turned into words, the same place in all frames.
+"""
+
+from functools import reduce
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Int, UInt8, UInt32
+
+from ._kept import kept
+from ._stacks import step_above
+
+FRAMES_PER_WORD = 32
+CELL = 8
+"""Windows consist of squares so wide (px): a byte of a silhouette's row, and as many rows."""
+
+
+class Windows(NamedTuple):
+    """Of the silhouettes of 32 frames, for each camera the part that shows all there is of the person."""
+
+    packed: UInt8[np.ndarray, "frames=32 cams rows w8"]
+    corner: Int[np.ndarray, "cams 2"]
+    """Where each window begins in its image: row and byte, the row a multiple of `CELL`."""
+    blank: UInt32[np.ndarray, " cams"]
+    """The word of all other pixels: ones in the frames in which the view is lost, so that it carves nothing."""
+
+
+def cut_windows(packed: UInt8[np.ndarray, "frames=32 cams h w8"], lost: Bool[np.ndarray, "frames=32 cams"]) -> Windows:
+    """Cut windows of the same size out of the images of all cameras; they may jut out at the bottom."""
+    height, width = packed.shape[2:]
+    some = np.bitwise_or.reduce(packed, 0)
+    bounds = [[_bounds(each.any(axis)) for axis in (1, 0)] for each in some]
+    first = [(rows[0] // CELL * CELL, columns[0]) for rows, columns in bounds]
+    last = [(rows[1], columns[1]) for rows, columns in bounds]
+    extent = np.subtract(last, first).max(0)
+    rows = min(CELL * step_above(-(-int(extent[0]) // CELL)), -(-height // CELL) * CELL)
+    columns = min(step_above(int(extent[1])), width)
+    corner = np.minimum(first, (-(-height // CELL) * CELL - rows, width - columns)).astype(np.int32)
+    windows = np.zeros((len(packed), len(some), rows, columns), np.uint8)
+    for camera, (top, left) in enumerate(corner):
+        part = packed[:, camera, top : top + rows, left : left + columns]
+        windows[:, camera, : part.shape[1]] = part
+    blank = np.left_shift(lost.astype(np.uint32), np.arange(FRAMES_PER_WORD, dtype=np.uint32)[:, None])
+    return Windows(windows, corner, np.bitwise_or.reduce(blank, 0))
+
+
+@kept
+def frame_words(windows: Windows) -> UInt32[Array, "cams rows columns"]:
+    """Turn the packed bits of 32 frames into one word a pixel."""
+    packed = windows.packed
+    quarters = [_transposed([packed[f + k] for k in range(8)]) for f in range(0, FRAMES_PER_WORD, 8)]
+    blank = jnp.asarray(windows.blank)[:, None, None]
+    columns = [
+        reduce(jnp.bitwise_or, (part.astype(jnp.uint32) << (8 * i) for i, part in enumerate(parts)), blank)
+        for parts in zip(*quarters, strict=True)
+    ]
+    return jnp.stack(columns, -1).reshape(*packed.shape[1:3], -1)
+
+
+@kept
+def whole_images(
+    words: UInt32[Array, "cams rows columns"],
+    corner: Int[Array | np.ndarray, "cams 2"],
+    blank: UInt32[Array | np.ndarray, " cams"],
+    height: int,
+    width: int,
+) -> UInt32[Array, "cams pixels"]:
+    """The words of all pixels, of which those of the windows are given."""
+    pixels = in_place(words, jnp.asarray(corner) * jnp.array([[1, CELL]]), blank, -(-height // CELL) * CELL, width)
+    return pixels[:, :height].reshape(len(words), -1)
+
+
+def in_place(
+    part: UInt32[Array, "cams rows columns"],
+    corner: Int[Array, "cams 2"],
+    blank: UInt32[Array | np.ndarray, " cams"],
+    height: int,
+    width: int,
+) -> UInt32[Array, "cams height width"]:
+    """Parts of images, each at its row and column, and the same word all around."""
+    whole = jnp.broadcast_to(jnp.asarray(blank)[:, None, None], (len(part), height, width))
+    for camera, each in enumerate(part):
+        whole = jax.lax.dynamic_update_slice(whole, each[None], (camera, corner[camera, 0], corner[camera, 1]))
+    return whole
+
+
+def _transposed(rows: list[UInt8[Array, "*image"]]) -> list[UInt8[Array, "*image"]]:
+    """Bit k of the i-th of eight bytes becomes bit i of the k-th byte, counted from the highest.
+
+    Blocks of four, of two and of one bit change places (Warren, *Hacker's Delight*, 7-3), for all pixels at once.
+    """
+    for distance, mask in ((4, np.uint8(0x0F)), (2, np.uint8(0x33)), (1, np.uint8(0x55))):
+        swapped = list(rows)
+        for i in range(8):
+            if not i & distance:
+                other = i + distance
+                change = ((rows[i] >> distance) ^ rows[other]) & mask
+                swapped[i], swapped[other] = rows[i] ^ (change << distance), rows[other] ^ change
+        rows = swapped
+    return rows[::-1]
+
+
+def _bounds(some: Bool[np.ndarray, " n"]) -> tuple[int, int]:
+    """From where to where there is any; one where there is none."""
+    there = np.flatnonzero(some)
+    return (int(there[0]), int(there[-1]) + 1) if len(there) else (0, 1)

@@ -1,0 +1,33 @@
+"""Words of 32 frames: bit f of a pixel's word is the pixel in frame f, wherever in the image the person is."""
+
+import numpy as np
+import pytest
+
+from jaxskel._frame_words import CELL, FRAMES_PER_WORD, cut_windows, frame_words, whole_images
+
+CAMS, WIDTH = 3, 160
+
+
+@pytest.mark.parametrize("height", [96, 101])
+@pytest.mark.parametrize("box", [(0, 0, 0, 0), (40, 41, 17, 18), (5, 60, 30, 100), (90, 96, 150, 160), (0, 96, 0, 160)])
+def test_each_bit_is_a_frame(height, box):
+    rng = np.random.default_rng(0)
+    masks = np.zeros((FRAMES_PER_WORD, CAMS, height, WIDTH), bool)
+    top, bottom, left, right = box
+    # The first camera sees nothing, the others not the same.
+    masks[:, 1, top:bottom, left:right] = rng.random((FRAMES_PER_WORD, bottom - top, right - left)) < 0.3
+    masks[3, 2, : bottom // 2, : right // 2] = True
+    lost = rng.random((FRAMES_PER_WORD, CAMS)) < 0.1
+    windows = cut_windows(np.packbits(masks, -1), lost)
+    words = whole_images(frame_words(windows), windows.corner, windows.blank, height, WIDTH)
+    bits = (masks | lost[:, :, None, None]).astype(np.uint32) << np.arange(FRAMES_PER_WORD)[:, None, None, None]
+    np.testing.assert_array_equal(words, np.bitwise_or.reduce(bits, 0).astype(np.uint32).reshape(CAMS, -1))
+
+
+def test_a_window_is_as_large_as_the_person_asks_for():
+    masks = np.zeros((FRAMES_PER_WORD, CAMS, 480, 640), bool)
+    masks[5:9, :, 100:230, 300:340] = True
+    windows = cut_windows(np.packbits(masks, -1), np.zeros((FRAMES_PER_WORD, CAMS), bool))
+    rows, columns = windows.packed.shape[2:]
+    assert 130 <= rows < 1.25 * 130 + 2 * CELL
+    assert 40 / 8 <= columns < 1.25 * 40 / 8 + 2
