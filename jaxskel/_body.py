@@ -198,9 +198,10 @@ def ball_centres(
     rotations: Float[Array | np.ndarray, "*frames segments=17 3 3"],
 ) -> Float[Array | np.ndarray, "*frames balls 3"]:
     """Centres of the balls in the world (m), for NumPy and JAX arrays alike."""
-    xp = origins.__array_namespace__()
-    turned = xp.einsum("...bij,bj->...bi", rotations[..., body.segments, :, :], body.offsets)
-    return origins[..., body.segments, :] + turned
+    # Column by column: for matrices this small XLA is slow at products.
+    turned = rotations[..., body.segments, :, :]
+    offsets = body.offsets.reshape(*(1,) * (turned.ndim - 3), -1, 1, 3)
+    return origins[..., body.segments, :] + sum(turned[..., axis] * offsets[..., axis] for axis in range(3))
 
 
 def capsule_ends(

@@ -107,11 +107,13 @@ def nearest_to_rays(
     Seen along the ray a capsule is a segment of the plane, and the ray a point: `capsule_distance` in the plane.
     """
     axes = tuple(_components(axis) for axis in _across(directions))
-    components = _components(centres)
+    middle = tuple(_dot(axis, _components(centres)) for axis in axes)
 
     def graze(ends: Array, radii: Array) -> tuple[Array, Array, Array, Array]:
-        start, stop = (_seen(_components(ends[..., end, :]), components, axes) for end in (0, 1))
-        along = stop[0] - start[0], stop[1] - start[1]
+        first, axis = _components(ends[..., 0, :]), _components(ends[..., 1, :] - ends[..., 0, :])
+        # Coordinates in the planes across the rays (m).
+        start = tuple(_dot(way, first) - own for way, own in zip(axes, middle, strict=True))
+        along = tuple(_dot(way, axis) for way in axes)
         squared = along[0] * along[0] + along[1] * along[1] + 1e-9
         part = jnp.clip(-(start[0] * along[0] + start[1] * along[1]) / squared, 0.0, 1.0)
         x, y = start[0] + part * along[0], start[1] + part * along[1]
@@ -131,15 +133,9 @@ def nearest_to_rays(
     return Grazed(capsule, distance, part, normal)
 
 
-def _seen(
-    points: tuple[Float[Array, "..."], ...],
-    centres: tuple[Float[Array, " rays"], ...],
-    axes: tuple[tuple[Float[Array, " rays"], ...], ...],
-) -> tuple[Float[Array, " rays"], Float[Array, " rays"]]:
-    """Coordinates of points in the planes across the rays (m)."""
-    away = tuple(point - centre for point, centre in zip(points, centres, strict=True))
-    x, y = (away[0] * axis[0] + away[1] * axis[1] + away[2] * axis[2] for axis in axes)
-    return x, y
+def _dot(one: tuple[Float[Array, "..."], ...], other: tuple[Float[Array, "..."], ...]) -> Float[Array, "..."]:
+    """Of vectors given by their components."""
+    return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
 
 
 def _across(directions: Float[Array, "rays 3"]) -> tuple[Float[Array, "rays 3"], Float[Array, "rays 3"]]:

@@ -6,7 +6,6 @@ the same steps whatever its members do. The pose that wins is handed to the solv
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from ._skeleton import Pose, Skeleton
 from .parametrisations import HingedLimbs
@@ -23,25 +22,25 @@ def descend(
 ) -> Pose:
     """Let the pose of one frame descend by one damped Gauss-Newton step."""
     placed = place(skeleton, pose)
+    motion = parametrisation.motion(pose, placed, skeleton)
     others = Objective({name: term for name, term in objective.terms.items() if not isinstance(term, CapsuleTerm)})
     fixed = others.correspond(placed, observed)
-    groups = _by_body([term for term in objective.terms.values() if isinstance(term, CapsuleTerm)])
+    value, tangent = jax.linearize(lambda body: others.residuals(body, observed, fixed), placed)
+    changes = jax.vmap(tangent)(motion.of_body(placed))
 
-    def moved(unknowns: Float[Array, " unknowns"]) -> tuple[Float[Array, " rows"], list[Array]]:
-        body = place(skeleton, parametrisation.nearby(unknowns, pose, skeleton))
-        rows = [jnp.zeros(1), *(r.ravel() for r in others.residuals(body, observed, fixed).values())]
-        return jnp.concatenate(rows), [terms[0].ends(body).reshape(-1, 6) for terms in groups]
-
-    zeros = parametrisation.unknowns()
-    (value, _), tangent = jax.linearize(moved, zeros)
-    jacobian, ends = jax.vmap(tangent)(jnp.eye(len(zeros)))  # unknowns x rows, unknowns x capsules x 6
-    matrix, gradient = jacobian @ jacobian.T, jacobian @ value
-    for terms, change in zip(groups, ends, strict=True):
+    count = len(motion.turns)
+    matrix, gradient = jnp.zeros((count, count)), jnp.zeros(count)
+    for name, change in changes.items():
+        rows = change.reshape(count, -1)
+        matrix, gradient = matrix + rows @ rows.T, gradient + rows @ value[name].ravel()
+    for terms in _by_body([term for term in objective.terms.values() if isinstance(term, CapsuleTerm)]):
+        ends, body = terms[0].ends(placed), terms[0].body
+        # Six rows of capsules for each unknown: what their two ends do along x, y and z.
+        parts = [part for end in (0, 1) for part in motion.of_points(ends[:, end], body.segments[body.links[:, end]])]
         quadrics = [(term.weight, term.quadrics(placed, observed)) for term in terms]
         inner = sum((weight * each.matrix for weight, each in quadrics), jnp.zeros(()))
         pull = sum((weight * each.vector for weight, each in quadrics), jnp.zeros(()))
         # Written out by components: rows of capsules are long enough for a processor, small matrices are not.
-        parts = [change[..., i] for i in range(6)]
         pulled = [sum(part * inner[None, :, i, j] for j, part in enumerate(parts)) for i in range(6)]
         across = jnp.concatenate(parts, 1)
         matrix = matrix + jnp.concatenate(pulled, 1) @ across.T

@@ -20,8 +20,8 @@ from .terms import Observed, place, volume_objective
 
 _HINGED = HingedLimbs()
 _MOST_STEPS = 16  # of one fit
-# Hypotheses that are worked on at once. More are no faster, and of fewer frames the silhouettes stay in the cache.
-_AT_ONCE = 4
+# Hypotheses that are worked on at once: enough that the many small steps of XLA cost little.
+_AT_ONCE = 8
 # Steps look at one of so many rays; what a pose costs is told by all.
 _FEW = 9
 
@@ -50,11 +50,11 @@ def fit_pool(body: Body, pool: Pool, stack: Observed, scales: Scales) -> Pool:
     return Pool(pool.frame, poses, cost)
 
 
-def in_chunks(work: Callable[[Pose, Int[Array, " chunk"]], Any], pool: Pool) -> Any:
+def in_chunks(work: Callable[[Pose, Int[Array, " chunk"]], Any], pool: Pool, at_once: int = _AT_ONCE) -> Any:
     """Work on the poses of a pool and their frames, a fixed number at a time; the last chunk is filled up."""
     done = []
-    for start in range(0, len(pool), _AT_ONCE):
-        chosen = np.minimum(np.arange(start, start + _AT_ONCE), len(pool) - 1)
+    for start in range(0, len(pool), at_once):
+        chosen = np.minimum(np.arange(start, start + at_once), len(pool) - 1)
         given = taken(pool.poses, chosen), pool.frame[chosen].astype(np.int32)
         done.append(jax.tree.map(np.asarray, work(*jax.device_put(given))))
     return jax.tree.map(lambda *parts: np.concatenate(parts)[: len(pool)], *done)

@@ -4,6 +4,8 @@ A hull lets the poorest of its views decide: one hole in one mask is a tunnel th
 for itself, and a term can be robust to those that err.
 """
 
+from typing import TypeVar
+
 import cv2
 import equinox as eqx
 import jax
@@ -12,7 +14,10 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt8
 
 from ._camera import Cameras, in_cameras, lens_slopes, on_images, project
+from ._computed_once import computed_once
 from ._views import person_box, unpacked_box
+
+T = TypeVar("T")
 
 # Values stand this many to a side of the image at most: finer ones say the same.
 _MOST_CELLS = 320
@@ -51,7 +56,7 @@ class SilhouetteDistances(eqx.Module):
 
         Far inside (-1 m) where a view tells nothing: outside of its image, behind it, or where it has lost the person.
         """
-        u, v, depth = (jnp.asarray(a) for a in project(self.cameras, points))
+        u, v, depth = (jnp.asarray(a) for a in project(self.cameras, self._once(points)))
         seen, distance, _ = self._interpolated(u, v)
         return self._in_metres(seen, distance, depth)
 
@@ -59,7 +64,7 @@ class SilhouetteDistances(eqx.Module):
         self, points: Float[Array, "points 3"]
     ) -> tuple[Bool[Array, "cams points"], Float[Array, "cams points"]]:
         """Whether points of the world (m) fall into each image, and the distances there as `at` gives them."""
-        u, v, depth = (jnp.asarray(a) for a in project(self.cameras, points))
+        u, v, depth = (jnp.asarray(a) for a in project(self.cameras, self._once(points)))
         seen, distance, _ = self._interpolated(u, v)
         width, height = jnp.asarray(self.cameras.size).T
         # Images that are smaller than the largest one end before the values do.
@@ -73,17 +78,18 @@ class SilhouetteDistances(eqx.Module):
         return (values if self.frame is None else values[self.frame])[:, 0, 0] == _LOST
 
     def near(self, points: Float[Array, "points 3"]) -> Float[Array, "cams points"]:
-        """The same without interpolation, in a third of the time and without a gradient."""
-        u, v, depth = (jnp.asarray(a) for a in project(self.cameras, points))
+        """The same without interpolation and without a gradient."""
+        u, v, depth = (jnp.asarray(a) for a in project(self.cameras, self._once(points)))
         seen, x, y = self._cells(u, v)
-        distance = self._value(jnp.round(y).astype(jnp.int32), jnp.round(x).astype(jnp.int32))
+        place = self._once(self._places(jnp.round(y).astype(jnp.int32), jnp.round(x).astype(jnp.int32)))
+        distance = self._value(place)
         return self._in_metres(seen, distance, depth)
 
     def with_gradient(
         self, points: Float[Array, "points 3"]
     ) -> tuple[Float[Array, "cams points"], tuple[Float[Array, "cams points"], ...]]:
         """What `at` gives, and its gradient by x, y and z."""
-        right, low, depth = (jnp.asarray(a) for a in in_cameras(self.cameras, points))
+        right, low, depth = (jnp.asarray(a) for a in in_cameras(self.cameras, self._once(points)))
         u, v = on_images(self.cameras, right, low, depth)
         seen, distance, (along_u, along_v) = self._interpolated(u, v)
         x, y = (jnp.where(seen, a / depth, 0.0) for a in (right, low))
@@ -93,10 +99,10 @@ class SilhouetteDistances(eqx.Module):
         slopes = (by_x, by_y, distance - x * by_x - y * by_y)
         slopes = tuple(jnp.where(seen, slope / self._focal, 0.0) for slope in slopes)
         turned = jnp.asarray(self.cameras.R)
-        gradient = (sum(slopes[row] * turned[:, row, axis, None] for row in range(3)) for axis in range(3))
-        found = self._in_metres(seen, distance, depth), tuple(gradient)
-        # Without it the compiler works all this out again for each sum that is made of it.
-        return jax.lax.optimization_barrier(found)
+        gradient = tuple(
+            sum((slopes[row] * turned[:, row, axis, None] for row in range(3)), jnp.zeros(())) for axis in range(3)
+        )
+        return self._once((self._in_metres(seen, distance, depth), gradient))
 
     @property
     def _focal(self) -> Float[Array, "cams 1"]:
@@ -124,12 +130,23 @@ class SilhouetteDistances(eqx.Module):
         x, y = jnp.where(seen, x, 0.0), jnp.where(seen, y, 0.0)
         return seen, jnp.clip(x, 0.0, columns - 1.001), jnp.clip(y, 0.0, rows - 1.001)
 
-    def _value(self, row: Int[Array, "cams points"], column: Int[Array, "cams points"]) -> Float[Array, "cams points"]:
-        """Of cells (px)."""
+    def _places(self, row: Int[Array, "cams points"], column: Int[Array, "cams points"]) -> Int[Array, "cams points"]:
+        """Of cells of each view, as indices into all values."""
         rows, columns = self.values.shape[-2:]
         view = jnp.arange(len(row), dtype=jnp.int32)[:, None]
         view = (view if self.frame is None else self.frame * len(row) + view) * (rows * columns)
-        return jnp.asarray(self.values).reshape(-1).at[view + row * columns + column].get(mode="promise_in_bounds")
+        return view + row * columns + column
+
+    def _value(self, place: Int[Array, "cams points"]) -> Float[Array, "cams points"]:
+        """Of cells (px)."""
+        return self._flat.at[place].get(mode="promise_in_bounds")
+
+    def _once(self, results: T) -> T:
+        return computed_once(results, self._flat[0])
+
+    @property
+    def _flat(self) -> Float[Array, " all"]:
+        return jnp.asarray(self.values).reshape(-1)
 
     def _interpolated(
         self, u: Float[Array, "cams points"], v: Float[Array, "cams points"]
@@ -137,9 +154,9 @@ class SilhouetteDistances(eqx.Module):
         """Whether image points (px) are seen, the distances there (px), and their slopes along u and v."""
         seen, x, y = self._cells(u, v)
         column, row = jnp.floor(x).astype(jnp.int32), jnp.floor(y).astype(jnp.int32)
-        x, y = x - column, y - row
-        a, b = self._value(row, column), self._value(row, column + 1)
-        c, d = self._value(row + 1, column), self._value(row + 1, column + 1)
+        place, x, y, seen = self._once((self._places(row, column), x - column, y - row, seen))
+        below = self.values.shape[-1]
+        a, b, c, d = (self._value(place + away) for away in (0, 1, below, below + 1))
         upper, lower = a * (1 - x) + b * x, c * (1 - x) + d * x
         slope = ((b - a) * (1 - y) + (d - c) * y) / self.step, (lower - upper) / self.step
         return seen, upper * (1 - y) + lower * y, slope

@@ -36,6 +36,9 @@ _DOUBTFUL = 10.0
 _TRUNK = np.array([i for i, name in enumerate(SEGMENT_NAMES) if name[2:] not in _ARM_SEGMENTS], np.int32)
 # Limbs are looked for with one of so many rays.
 _SOME = 3
+# Poses that limbs are searched for at once. What more of them need meanwhile (over 32 MB) is asked from the system each
+# time, and given back.
+_LIMBS_AT_ONCE = 4
 
 _Propose = Callable[[Pose, Array], Pose]
 """Gives poses (axis ``n``) of some frames other limbs (axes ``n proposals``)."""
@@ -205,7 +208,7 @@ def _fitted(model: Model, search: Search, pool: Pool, stack: Observed, count: in
 
 def _proposed(pool: Pool, propose: _Propose) -> Pool:
     """All that is proposed for each hypothesis of a pool."""
-    return pool_of(in_chunks(propose, pool), pool.frame)
+    return pool_of(in_chunks(propose, pool, _LIMBS_AT_ONCE), pool.frame)
 
 
 @kept

@@ -8,6 +8,7 @@ from drawn import pose_of
 from jax.test_util import check_grads
 from scipy.spatial.transform import Rotation
 
+from jaxskel._body import ball_centres, make_body
 from jaxskel._skeleton import (
     JOINT_NAMES,
     JOINT_PARENTS,
@@ -142,6 +143,24 @@ def test_nearby_is_the_pose_to_first_order():
         exact, cheap = (jax.tree.leaves(jax.jacfwd(of)(0 * unknowns)) for of in (pose, nearby))
         for one, other in zip(exact, cheap, strict=True):
             np.testing.assert_allclose(other, one, atol=1e-9)
+
+
+def test_motion_is_the_derivative_of_the_placed_body():
+    hinged = HingedLimbs()
+    with jax.enable_x64(True):
+        base, skeleton = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), (free_pose(5), ADULT))
+        body = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), make_body(ADULT))
+        placed = place(skeleton, base)
+        motion = hinged.motion(base, placed, skeleton)
+        expected = jax.jit(jax.jacfwd(lambda u: place(skeleton, hinged.moved(u, base, skeleton))))(jnp.zeros(42))
+        for name in ("joints", "tips", "rotations", "origins"):
+            found = getattr(motion.of_body(placed), name)
+            np.testing.assert_allclose(jnp.moveaxis(found, 0, -1), getattr(expected, name), atol=1e-9)
+        # And of points that are no joints.
+        centres = ball_centres(body, placed.origins, placed.rotations)
+        expected = ball_centres(body, *(jnp.moveaxis(a, -1, 0) for a in (expected.origins, expected.rotations)))
+        found = jnp.stack(motion.of_points(centres, body.segments), -1)
+        np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
 @every

@@ -12,7 +12,9 @@ from .._skeleton import (
     Skeleton,
     hinge_axes,
 )
+from ..terms import PlacedBody
 from ._base import JointRotations, perpendicular
+from ._motion import Motion
 
 # Shoulder blades and hands do not twist; elbows and knees are hinges; everything else turns freely.
 _ACROSS = np.array([SEGMENT_NAMES.index(n) for n in ("l_clavicle", "r_clavicle", "l_hand", "r_hand")], np.int32)
@@ -46,8 +48,20 @@ def _hangs_on() -> Float[np.ndarray, "segments=17 segments=17"]:
     return chain
 
 
+def _axis_of_each() -> np.ndarray:
+    """Of the axes of the world, then those across the bones, first and second, then the hinges: each unknown's."""
+    axes = np.empty(int(_COUNTS.sum()), np.int32)
+    axes[_FREE_AT] = np.arange(3)
+    axes[_ACROSS_AT] = 3 + np.arange(2 * len(_ACROSS)).reshape(2, -1).T
+    axes[_HINGES_AT[:, 0]] = 3 + 2 * len(_ACROSS) + np.arange(len(_HINGES))
+    return axes
+
+
 _LEVELS = _levels()
 _HANGS_ON = _hangs_on()
+# Of each unknown but the first three.
+_AXES = _axis_of_each()
+_SEGMENTS = np.repeat(np.arange(len(_COUNTS), dtype=np.int32), _COUNTS)
 
 
 class HingedLimbs(JointRotations):
@@ -77,20 +91,37 @@ class HingedLimbs(JointRotations):
         turned = jnp.cross(turns[:, None], rotations.swapaxes(1, 2)).swapaxes(1, 2)
         return Pose(base.root + unknowns[:3], rotations + turned)
 
+    def motion(self, base: Pose, placed: PlacedBody, skeleton: Skeleton) -> Motion:
+        """How the base pose, which is placed already, begins to move with each unknown."""
+        first, second, hinges = self._axes(base, skeleton)
+        turns = jnp.concatenate([jnp.eye(3), first, second, hinges])[_AXES]
+        return Motion(
+            turns=jnp.concatenate([jnp.zeros((3, 3)), turns]),
+            pivots=jnp.concatenate([jnp.zeros((3, 3)), placed.origins[_SEGMENTS]]),
+            shifts=np.eye(3 + len(_SEGMENTS), 3, dtype=np.float32),
+            moves=np.concatenate([np.zeros((3, len(_HANGS_ON)), np.float32), _HANGS_ON[:, _SEGMENTS].T]),
+        )
+
     def _turns(
         self, unknowns: Float[Array, " unknowns"], base: Pose, skeleton: Skeleton
     ) -> Float[Array, "segments=17 3"]:
         """Rotation vector (rad) of each segment relative to the one it hangs on, in the world of the base pose."""
+        first, second, hinges = self._axes(base, skeleton)
+        free, across, flexion = (unknowns[3:][places] for places in (_FREE_AT, _ACROSS_AT, _HINGES_AT))
+        turns = jnp.concatenate([free, across[:, :1] * first + across[:, 1:] * second, flexion * hinges])
+        return turns[_ORDER]
+
+    def _axes(
+        self, base: Pose, skeleton: Skeleton
+    ) -> tuple[Float[Array, "across=4 3"], Float[Array, "across=4 3"], Float[Array, "hinges=4 3"]]:
+        """In the world: two axes across the bones of shoulder blades and hands, and those of the hinges."""
         rotations = jnp.asarray(base.rotations)
         rest, axes = jnp.asarray(skeleton.rest_joints), jnp.asarray(hinge_axes(skeleton))
         pivots = jnp.asarray(skeleton.pivots)
         bones = jnp.stack([rest[3] - rest[1], rest[6] - rest[1], rest[5] - pivots[0], rest[8] - pivots[1]])
         bones = jnp.einsum("bij,bj->bi", rotations[_ACROSS], bones)
         first, second = perpendicular(bones / jnp.linalg.norm(bones, axis=-1, keepdims=True))
-        hinges = jnp.einsum("hij,hj->hi", rotations[_HINGE_PARENTS], axes)
-        free, across, flexion = (unknowns[3:][places] for places in (_FREE_AT, _ACROSS_AT, _HINGES_AT))
-        turns = jnp.concatenate([free, across[:, :1] * first + across[:, 1:] * second, flexion * hinges])
-        return turns[_ORDER]
+        return first, second, jnp.einsum("hij,hj->hi", rotations[_HINGE_PARENTS], axes)
 
 
 def _product(one: Float[Array, "n 3 3"], other: Float[Array, "n 3 3"]) -> Float[Array, "n 3 3"]:
