@@ -3,7 +3,6 @@
 A person fills a small part of an image. Only a window of it is turned into words, the same place in all frames.
 """
 
-from functools import reduce
 from typing import NamedTuple
 
 import jax
@@ -11,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Int, UInt8, UInt32
 
+from ._computed_once import computed_once
 from ._kept import kept
 from ._stacks import step_above
 
@@ -51,14 +51,16 @@ def cut_windows(packed: UInt8[np.ndarray, "frames=32 cams h w8"], lost: Bool[np.
 @kept
 def frame_words(windows: Windows) -> UInt32[Array, "cams rows columns"]:
     """Turn the packed bits of 32 frames into one word a pixel."""
-    packed = windows.packed
+    cams, rows, columns = windows.packed.shape[1:]
+    packed = windows.packed.reshape(FRAMES_PER_WORD, cams, -1)
+    blank = jnp.asarray(windows.blank)
     quarters = [_transposed([packed[f + k] for k in range(8)]) for f in range(0, FRAMES_PER_WORD, 8)]
-    blank = jnp.asarray(windows.blank)[:, None, None]
-    columns = [
-        reduce(jnp.bitwise_or, (part.astype(jnp.uint32) << (8 * i) for i, part in enumerate(parts)), blank)
-        for parts in zip(*quarters, strict=True)
-    ]
-    return jnp.stack(columns, -1).reshape(*packed.shape[1:3], -1)
+    # Stored in between, bytes and words are put side by side at the speed of the memory.
+    quarters = computed_once(quarters, blank[0].astype(jnp.float32))
+    bytes_of_words = [jnp.stack(parts, -1) for parts in zip(*quarters, strict=True)]
+    words = [jax.lax.bitcast_convert_type(each, jnp.uint32) for each in bytes_of_words]
+    words = computed_once(words, blank[0].astype(jnp.float32))
+    return (jnp.stack(words, -1) | blank[:, None, None]).reshape(cams, rows, 8 * columns)
 
 
 @kept

@@ -54,10 +54,10 @@ class ProjectionTable(eqx.Module):
 
     def _by_voxel(self, of_blocks: np.ndarray) -> np.ndarray:
         """The grid's voxels in its order, from blocks of them."""
-        blocks, places = blocks_of(
-            np.stack(np.unravel_index(np.arange(self.grid.size), self.grid.shape), 1), self.grid.shape
-        )
-        return of_blocks[..., blocks, places]
+        every = np.stack(np.unravel_index(np.arange(self.grid.size), self.grid.shape), 1)
+        blocks, places = blocks_of(every, self.grid.shape)
+        # Row by row in memory, as whoever reads it goes through it.
+        return of_blocks.reshape(*of_blocks.shape[:-2], -1).take(blocks * INNER + places, axis=-1)
 
     @property
     def unseen(self) -> int:
