@@ -7,7 +7,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ._body import Body, make_body
 from ._bundle import bundle_adjust
@@ -15,8 +15,9 @@ from ._calibrate import Costs
 from ._dimensions import LENGTH_NAMES, lengths_of, relaxed_shape, shaped_body
 from ._fits import fit_poses, fit_scales
 from ._frame_words import FRAMES_PER_WORD
+from ._graph import SkeletalGraph
 from ._limbs import Limbs
-from ._observe import labelled_limbs, middles_of_people, observed_volume, person_graphs, see_people
+from ._observe import Seen, labelled_limbs, middles_of_people, observed_volume, person_graphs, see_people
 from ._prepare import prepare
 from ._recording import Recording
 from ._settings import Settings
@@ -24,6 +25,7 @@ from ._skeleton import JOINT_NAMES, SEGMENT_NAMES, SEGMENT_PARENTS, Pose, Skelet
 from ._solve import make_model, solve_frames
 from ._stacks import filled, on_device, single_precision, taken
 from ._starts import graphless_poses, start_poses
+from ._stature import estimate_stature
 from .terms import Observed
 
 FRAMES = 60
@@ -106,8 +108,8 @@ def calibrate_body(
     Args:
         recording: Silhouettes and cameras; its ``skeleton`` is not looked at.
         settings: How hulls are made and poses searched for; a body in it is not looked at.
-        skeleton: Template to start from, whose proportions count where nothing is seen; its size need not be right.
-            By default an average adult of the stature that the hulls show.
+        skeleton: Template to start from, whose proportions count where nothing is seen; its size does not count: it is
+            that of the hulls. By default an average adult.
         frames: So many frames, spread evenly, are used.
         on_stage: Called with each of `STAGES` as it begins.
 
@@ -149,29 +151,35 @@ def calibrate_body(
 
 
 def _look(recording: Recording, settings: Settings, template: Skeleton | None, frames: int) -> tuple[Skeleton, _Sight]:
-    """The template, and what some frames show, a batch at a time."""
+    """The template in the subject's size, and what some frames show, a batch at a time."""
     unknown = eqx.tree_at(lambda r: r.skeleton, recording, template, is_leaf=lambda leaf: leaf is None)
     prepared = prepare(unknown, replace(settings, search=None))
     cameras = recording.cameras.rotated(prepared.to_z_up)
     chosen = np.unique(np.linspace(0, len(recording) - 1, frames).astype(int))
-    parts: list[_Sight] = []
+    batches: list[tuple[Int[np.ndarray, " frames"], Seen, list[SkeletalGraph]]] = []
     for batch in np.array_split(chosen, -(-len(chosen) // FRAMES_PER_WORD)):
-        silhouettes = recording.silhouettes[batch]
-        seen = see_people(silhouettes, cameras, prepared)
-        if seen.hulls is None or len(seen.frames) == 0:
-            continue
-        graphs = person_graphs(seen.hulls, prepared.skeleton, settings)
-        limbs, facing, _ = labelled_limbs(graphs, prepared.skeleton, settings)
-        middles = middles_of_people(seen, silhouettes, cameras)
-        observed = observed_volume(limbs, seen, silhouettes, cameras, middles, prepared.max_misses)
-        parts.append(_Sight(observed, limbs, facing, middles))
-    count = sum(len(part.middles) for part in parts)
+        seen = see_people(recording.silhouettes[batch], cameras, prepared)
+        if seen.hulls is not None and len(seen.frames) > 0:
+            batches.append((batch, seen, person_graphs(seen.hulls, prepared.skeleton, settings)))
+    count = sum(len(seen.frames) for _, seen, _ in batches)
     if count < _LEAST_FRAMES:
         raise ValueError(
             f"{recording.name}: {count} of {len(chosen)} frames show one whole person, too few to tell a body's "
             f"dimensions; give {_LEAST_FRAMES} or more, in different poses (jaxskel check {recording.name}.npz)"
         )
-    return prepared.skeleton, jax.tree.map(lambda *some: np.concatenate(some), *parts)
+    # Legs that are too long are bent, if need be backwards: left and right are exchanged then.
+    skeleton = prepared.skeleton
+    stature = estimate_stature([graph for _, _, graphs in batches for graph in graphs], skeleton)
+    if stature is not None:
+        skeleton = skeleton.scaled(stature / skeleton.stature)
+    parts: list[_Sight] = []
+    for batch, seen, graphs in batches:
+        silhouettes = recording.silhouettes[batch]
+        limbs, facing, _ = labelled_limbs(graphs, skeleton, settings)
+        middles = middles_of_people(seen, silhouettes, cameras)
+        observed = observed_volume(limbs, seen, silhouettes, cameras, middles, prepared.max_misses)
+        parts.append(_Sight(observed, limbs, facing, middles))
+    return skeleton, jax.tree.map(lambda *some: np.concatenate(some), *parts)
 
 
 def _turning(poses: Pose, skeleton: Skeleton, bone: str) -> float:

@@ -34,6 +34,8 @@ _PLAYS: dict[str, float | tuple[float, float, float]] = {
     **dict.fromkeys(("shoulder", "elbow", "forearm", "wrist", "knee", "calf", "ankle"), _LIMB_PLAY),
     **dict.fromkeys(("heel", "ball", "toe"), _END_PLAY),
 }  # fmt: skip
+# The tip of the head is the top of its flesh, which every silhouette shows (m).
+_TOP_PLAY = 0.003
 # Balls of the middle stay there.
 _NO_PLAY = 1e-6
 # The direction of the fingers is free (tangent of the angle from that of the template).
@@ -108,6 +110,7 @@ def prior_precision(template: Skeleton) -> Float[np.ndarray, "unknowns unknowns"
     weights = deviation**-2
     precision = np.diag(np.concatenate([weights, np.full(2, _FINGERS_PLAY**-2), _balls_precision(template)]))
     precision[:11, :11] -= np.outer(weights, weights) / weights.sum()
+    precision[np.ix_(_TOP, _TOP)] += _TOP_PLAY**-2
     return precision
 
 
@@ -130,4 +133,6 @@ def _bones_to() -> Float[np.ndarray, "points=20 bones=19"]:
 
 
 _BONES_TO = _bones_to()
+# Where the crown is higher and what it is thicker by: together, how far its top is above the tip of the head.
+_TOP = 13 + 4 * FREE_BALLS.index(BALL_NAMES.index("crown")) + np.array([2, 3])
 _FINGERS_TO = _FINGERTIPS - 1

@@ -234,7 +234,8 @@ def default_adult(stature: float = 1.72) -> Skeleton:
     Joint centre distances in fractions of the stature: upper arm, forearm, half the palm, thigh, shank and the height
     of the seventh neck vertebra after de Leva, "Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters",
     J. Biomechanics 29 (1996), men; widths of shoulders and hips after Winter, *Biomechanics and Motor Control of
-    Human Movement*. The arms hang 30 degrees away from the trunk.
+    Human Movement*. The middle of the head is as far below its top as in the man and the woman of
+    [`make_body`][jaxskel.make_body]. The arms hang 30 degrees away from the trunk.
     """
     arm = np.array([0.0, np.sin(np.pi / 6), -np.cos(np.pi / 6)])
     side = {"shoulder": np.array([0.0, 0.105, 0.810]), "hip": np.array([0.0, 0.052, 0.525])}
@@ -247,7 +248,7 @@ def default_adult(stature: float = 1.72) -> Skeleton:
     middle = {
         "pelvis": np.array([0.0, 0.0, 0.525]),
         "neck": np.array([0.0, 0.0, 0.8605]),
-        "head": np.array([0.020, 0.0, 0.952]),
+        "head": np.array([0.020, 0.0, 0.956]),
         "head_top": np.array([0.022, 0.0, 1.0]),
     }
 

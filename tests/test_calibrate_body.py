@@ -9,7 +9,7 @@ from measured import ADULT, film_person, other_person
 from test_shared import SEQUENCE, needs
 
 from jaxskel import Pose, Settings, calibrate_body, default_adult, read_recording
-from jaxskel._calibrate_body import STAGES, _turning
+from jaxskel._calibrate_body import STAGES, _look, _turning
 from jaxskel._dimensions import LENGTH_NAMES, lengths_of
 from jaxskel._rotations import turn_about
 from jaxskel._skeleton import SEGMENT_NAMES
@@ -45,6 +45,13 @@ def test_lengths_of_another_person_are_found(found):
     deviations = np.array([each.deviation for each in found.lengths.values()])
     assert (deviations > 0).all()
     assert (deviations / measured).max() < 0.3
+
+
+@pytest.mark.parametrize("size", [0.85, 1.15])
+def test_the_size_of_the_template_does_not_count(filmed, size):
+    template, _ = _look(filmed, Settings(max_misses=0), ADULT.scaled(size), 16)
+    np.testing.assert_allclose(template.rest_joints, ADULT.scaled(template.stature / ADULT.stature).rest_joints)
+    assert template.stature == pytest.approx(PERSON.skeleton.stature, rel=0.04)
 
 
 def test_the_body_explains_the_outlines(found):

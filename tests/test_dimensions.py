@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jaxskel import default_adult, make_body
-from jaxskel._body import FREE_BALLS
+from jaxskel._body import BALL_NAMES, FREE_BALLS
 from jaxskel._dimensions import (
     LENGTH_NAMES,
     Shape,
@@ -89,6 +89,21 @@ def test_derivative_of_a_body_is_that_of_finite_differences():
         slope = jax.jvp(flat, (jnp.asarray(vector),), (jnp.asarray(direction),))[1]
         ahead, behind = (flat(jnp.asarray(vector + step * direction)) for step in (1e-3, -1e-3))
         np.testing.assert_allclose(slope, (ahead - behind) / 2e-3, atol=1e-6)
+
+
+def test_the_top_of_the_flesh_stays_at_the_tip_of_the_head():
+    precision, crown = prior_precision(ADULT), FREE_BALLS.index(BALL_NAMES.index("crown"))
+
+    def cost(up: float, thicker: float) -> float:
+        balls = np.zeros((len(FREE_BALLS), 4))
+        balls[crown, 2:] = up, thicker
+        vector = Shape(np.zeros(11), np.zeros(2), balls).vector
+        return vector @ precision @ vector
+
+    # A thicker crown that is lower has its top where it was.
+    assert cost(-0.009, 0.009) < 2
+    assert cost(0.009, 0.0) == pytest.approx(9.0 + (0.009 / 0.012) ** 2, rel=1e-6)
+    assert cost(0.009, 0.009) > 36
 
 
 def test_size_is_free_and_proportions_are_not():

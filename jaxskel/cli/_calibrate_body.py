@@ -10,12 +10,9 @@ from rich.table import Table
 from .._calibrate_body import FRAMES, STAGES, CalibratedBody
 from .._calibrate_body import calibrate_body as found_body
 from .._settings import Settings
-from .._skeleton import default_adult
 from ..io import read_recording, write_subject
 from ._progress import progress_bar
 from ._run import MaxMisses, Preset, Recorded, Spacing, check_output_file, make_settings
-
-_STATURES = (0.8, 2.4)  # m
 
 
 def calibrate_body(
@@ -23,16 +20,11 @@ def calibrate_body(
     output: Annotated[Path, typer.Option("--output", "-o", help="TOML file to write, for `run --subject`.")] = Path(
         "subject.toml"
     ),
-    stature: Annotated[
-        float | None, typer.Option(help="Rough standing height to start from (m). Default: judged from the hulls.")
-    ] = None,
     frames: Annotated[int, typer.Option(min=8, help="Frames to use, spread evenly.")] = FRAMES,
     spacing: Spacing = Settings.spacing,
     max_misses: MaxMisses = None,
 ) -> None:
     """Find the subject's bone lengths and radii from the silhouettes; dimensions in the recording are not looked at."""
-    if stature is not None and not _STATURES[0] < stature < _STATURES[1]:
-        raise ValueError(f"--stature {stature:g}: give metres between {_STATURES[0]} and {_STATURES[1]}")
     check_output_file(output)
     recording = read_recording(source)
     settings = make_settings(Preset.DEFAULT, spacing, max_misses, None)
@@ -42,8 +34,7 @@ def calibrate_body(
         def on_stage(stage: str) -> None:
             progress.update(task, description=stage, completed=STAGES.index(stage))
 
-        start = None if stature is None else default_adult(stature)
-        found = found_body(recording, settings, start, frames, on_stage)
+        found = found_body(recording, settings, frames=frames, on_stage=on_stage)
         progress.update(task, completed=len(STAGES))
     write_subject(output, found.skeleton, found.body)
     Console().print(length_table(found))
