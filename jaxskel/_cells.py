@@ -35,38 +35,41 @@ class Cells:
         self._number = np.zeros(frames * int(np.prod(self._shape)), np.int32)
 
     def components(
-        self, frame: np.ndarray, x: np.ndarray, y: np.ndarray, z: np.ndarray, owners: np.ndarray
+        self, cells: Int[np.ndarray, " n"], corners: Int[np.ndarray, " n"], owners: Int[np.ndarray, " n"]
     ) -> Int[np.ndarray, " n"]:
-        """Label what is connected among some voxels of the same owner, from 0; x, y and z count in the frame's box."""
-        place = ((frame * self._shape[0] + (x >> 1)) * self._shape[1] + (y >> 1)) * self._shape[2] + (z >> 1)
-        bits = _BITS.take(4 * (x & 1) + 2 * (y & 1) + (z & 1))
-        cell = np.empty(len(place), np.int64)
+        """Label what is connected among some voxels of the same owner, from 0.
+
+        Args:
+            cells: The cell of each voxel: as the cells of all frames stand one after the other.
+            corners: Which of the cell's eight corners, the last axis fastest.
+            owners: Whose the voxels are.
+        """
+        number = np.empty(len(cells), np.int64)
         firsts: list[np.ndarray] = []  # of each cell one voxel
-        left = np.arange(len(place))
-        count = 0
+        count, left, place, owner = 0, np.arange(len(cells)), cells, owners
         # Owners may share a place: each then has a cell of its own there.
         while len(left):
             index = np.arange(len(left), dtype=np.int32)
-            self._number[place.take(left)] = index
-            chosen = self._number.take(place.take(left), mode="clip")
-            mine = owners.take(left.take(chosen)) == owners.take(left)
+            self._number[place] = index
+            chosen = self._number.take(place, mode="clip")
             heads = np.flatnonzero(chosen == index)
-            self._number[place.take(left.take(heads))] = np.arange(count, count + len(heads))
-            cell[left] = self._number.take(place.take(left), mode="clip")
+            self._number[place.take(heads)] = np.arange(count, count + len(heads))
+            number[left] = self._number.take(place, mode="clip")
             firsts.append(left.take(heads))
             count += len(heads)
-            left = left[~mine]
+            others = np.flatnonzero(owner.take(chosen) != owner)
+            left, place, owner = left.take(others), place.take(others), owner.take(others)
+        self._number[cells] = 0
         first = np.concatenate(firsts)
-        codes = np.bincount(cell, bits, count).astype(np.uint8)
-        self._number[place] = 0
-        labels = self._connected(place.take(first), owners.take(first), codes, [len(part) for part in firsts])
-        return labels.take(cell)
+        codes = np.bincount(number, _BITS.take(corners), count).astype(np.uint8)
+        labels = self._connected(cells.take(first), owners.take(first), codes, [len(part) for part in firsts])
+        return labels.take(number)
 
     def _connected(
         self, place: np.ndarray, owners: np.ndarray, codes: np.ndarray, layers: list[int]
     ) -> Int[np.ndarray, " cells"]:
         """Label connected cells of the same owner. Cells of a layer, which follow one another, share no place."""
-        around = place[:, None] + self._beside
+        around = place.repeat(len(_BESIDE)) + np.tile(self._beside, len(place))
         sources, targets = [], []
         start = 0
         for size in layers:
@@ -77,7 +80,7 @@ class Cells:
             start += size
             hit = np.flatnonzero(other != 0)
             source = hit // len(_BESIDE)
-            way, target = hit - source * len(_BESIDE), other.reshape(-1).take(hit) - 1
+            way, target = hit - source * len(_BESIDE), other.take(hit) - 1
             here, there = codes.take(source) & _HERE.take(way), codes.take(target) & _THERE.take(way)
             met = np.flatnonzero((here != 0) & (there != 0) & (owners.take(source) == owners.take(target)))
             sources.append(source.take(met))

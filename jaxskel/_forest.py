@@ -100,18 +100,20 @@ class Forest(eqx.Module):
             parent = self.parents[:, node]
             reach[rows, parent] = np.maximum(reach[rows, parent], reach[:, node] + lengths[:, node])
         through = reach + lengths
-        deepest = np.full(self.parents.shape, -1)
-        kept = self.real
-        for node in range(1, lengths.shape[1]):
-            parent = self.parents[:, node]
-            rival = deepest[rows, parent]
-            deeper = kept[:, node] & ((rival < 0) | (through[:, node] > through[rows, np.maximum(rival, 0)]))
-            deepest[rows[deeper], parent[deeper]] = node
-        for node in range(1, lengths.shape[1]):
-            parent = self.parents[:, node]
-            goes_on = (deepest[rows, parent] == node) | (through[:, node] >= min_length)
-            kept[:, node] &= kept[rows, parent] & goes_on
-        return kept
+        # Of the children through which a node reaches farthest the first one goes on; the root is nobody's child.
+        trees, farthest = np.nonzero(self.real & (through == np.take_along_axis(reach, self.parents, 1)))
+        trees, farthest = trees[farthest > 0], farthest[farthest > 0]
+        deepest = np.zeros_like(self.parents)
+        deepest[trees[::-1], self.parents[trees, farthest][::-1]] = farthest[::-1]  # the last write stays
+        goes_on = np.take_along_axis(deepest, self.parents, 1) == np.arange(lengths.shape[1])
+        kept = goes_on | (through >= min_length)
+        kept[:, 0] = True
+        # A node stays if all above it do: each looks twice as far up as the time before.
+        above = self.parents
+        while above.any():
+            kept &= np.take_along_axis(kept, above, 1)
+            above = np.take_along_axis(above, above, 1)
+        return kept & self.real
 
 
 def forest_of(trees: Sequence[Tree]) -> Forest:

@@ -112,10 +112,11 @@ def _eroded(
     if len(used) == 0:
         return eroded
     reach = int(np.ceil(radius))
-    low = voxels[used].min(0) - reach
-    shape = voxels[used].max(0) + reach + 1 - low  # a margin, so that no shift leads around an edge
+    axes = [axis.take(used) for axis in np.ascontiguousarray(voxels.T, np.int64)]
+    low = np.array([axis.min() for axis in axes]) - reach
+    shape = np.array([axis.max() for axis in axes]) + reach + 1 - low  # a margin, so that no shift leads around an edge
     strides = np.array([shape[1] * shape[2], shape[2], 1])
-    flat = (voxels[used] - low) @ strides
+    flat = sum((stride * axis for stride, axis in zip(strides, axes, strict=True)), -low @ strides)
     columns = [np.zeros(int(np.prod(shape)), np.uint8)]
     columns[0][flat] = bits[used]
     for half in range(1, reach):
@@ -140,7 +141,7 @@ def _eroded(
 
 def _highest(hulls: VisualHulls, own: Int[np.ndarray, " own"]) -> int:
     """Of some voxels the highest one; of several equally high ones, the one nearest to their middle."""
-    heights = hulls.voxels[:, 2].take(own)
+    heights = hulls.voxels[own, 2]
     top = own[heights == heights.max()]
     places = hulls.voxels[top]
     return int(top[np.argmin(((places - places.mean(0)) ** 2).sum(1))])
@@ -160,7 +161,7 @@ def _highest_core(
     heights = hulls.voxels[own, 2]
     middles = np.bincount(body, heights) / sizes
     tops = np.full(len(sizes), -1)
-    np.maximum.at(tops, body, heights)
+    np.maximum.at(tops, bodies.body, heights[np.cumsum(bodies.length) - 1])  # runs end at their highest voxel
     middles[sizes < least], tops[sizes < least] = -np.inf, -1
     core = int(np.argmax(middles))
     if tops.max() - tops[core] > lead:

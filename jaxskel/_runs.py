@@ -67,7 +67,8 @@ def bodies_among(voxels: Int[np.ndarray, "n 3"], grid: VoxelGrid) -> Bodies:
 
 def _runs(hulls: VisualHulls) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Frame, first voxel and length of each run."""
-    follows = (np.diff(hulls.voxels, axis=0) == (0, 0, 1)).all(1)
+    x, y, z = np.ascontiguousarray(hulls.voxels.T)
+    follows = (x[1:] == x[:-1]) & (y[1:] == y[:-1]) & (z[1:] == z[:-1] + 1)
     # Each voxel with the one before it, if both are inside.
     joined = np.zeros((len(hulls), len(hulls.voxels) + 1), bool)
     np.logical_and(hulls.inside[:, :-1], follows, out=joined[:, 1:-1])

@@ -42,7 +42,7 @@ def scoop(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[Skeleta
         raise ValueError(f"hull {empty[0]} of {len(hulls)} has no voxel: leave frames without a person out")
     if len(hulls) == 0:
         return []
-    box = int(np.prod(np.ptp(hulls.voxels, axis=0) + 4))
+    box = int(np.prod([np.ptp(axis) + 4 for axis in np.ascontiguousarray(hulls.voxels.T)]))
     at_once = max(1, _MOST_VOXELS // box)
     graphs: list[SkeletalGraph] = []
     for start in range(0, len(hulls), at_once):
@@ -55,30 +55,44 @@ def _scoop(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[Skelet
     wave = Wave(hulls)
     cells = Cells(len(hulls), wave.shape)
     frames = np.arange(len(hulls))
-    nodes = _Nodes(frames, hulls.centres[roots], hulls.grid.spacing)
-    seeds = wave.number(frames, hulls.voxels[roots])
+    places = hulls.voxels[roots]
+    start = np.asarray(hulls.grid.origin) + hulls.grid.spacing * (places + 0.5)
+    nodes = _Nodes(frames, start, hulls.grid.spacing)
+    seeds = wave.number(frames, places)
     wave.close(seeds)
     reached, owners = wave.step(seeds, frames)
     while len(reached):
-        wave.close(reached)
-        where = wave.coordinates(reached)
-        labels, parents = _ranked(cells.components(*where, owners), owners)
-        made, radius = nodes.place(wave.centres(*where), labels, parents)
+        labels, parents = _ranked(cells.components(*wave.cells(reached), owners), owners)
+        by_cluster = wave.centres(reached.take(stable_order(labels)))
+        made, radius = nodes.place(by_cluster, np.bincount(labels), parents)
 
         # Grow: what lies too far from the node is left for the next round, with the cluster that saw it.
         voxels, owners = reached, labels
         later: list[tuple[np.ndarray, np.ndarray]] = []
         while len(voxels):
             voxels, owners = wave.step(voxels, owners)
-            centres = wave.centres(*wave.coordinates(voxels))
-            away = (axis - middle.take(owners) for axis, middle in zip(centres, made.T, strict=True))
-            far = np.sqrt(sum((each * each for each in away), np.zeros(()))) >= radius.take(owners)
+            far = _distances(wave.centres(voxels), made, owners) >= radius.take(owners)
             near, beyond = np.flatnonzero(~far), np.flatnonzero(far)
             later.append((voxels.take(beyond), owners.take(beyond)))
+            wave.reopen(later[-1][0])
             voxels, owners = voxels.take(near), owners.take(near)
-            wave.close(voxels)
-        reached, owners = wave.still_open(*(np.concatenate(arrays) for arrays in zip(*later, strict=True)))
+        reached, owners = wave.close_first(*(np.concatenate(arrays) for arrays in zip(*later, strict=True)))
     return nodes.graphs(len(hulls))
+
+
+def _distances(
+    xyz: Float[np.ndarray, "3 n"], nodes: Float[np.ndarray, "nodes 3"], labels: Int[np.ndarray, " n"]
+) -> Float[np.ndarray, " n"]:
+    """Distance of points from the nodes that they are labelled with (m)."""
+    away = np.empty_like(xyz)
+    for axis, middle in zip(away, nodes.T, strict=True):
+        middle.take(labels, out=axis, mode="clip")
+    return _lengths(np.subtract(xyz, away, out=away))
+
+
+def _lengths(vectors: Float[np.ndarray, "3 n"]) -> Float[np.ndarray, " n"]:
+    """Lengths of vectors that stand side by side."""
+    return np.sqrt(np.add.reduce(vectors * vectors))
 
 
 def _ranked(
@@ -107,25 +121,27 @@ class _Nodes:
         self._first = 0  # number of the first node of the last round
 
     def place(
-        self, xyz: list[Float[np.ndarray, " n"]], labels: Int[np.ndarray, " n"], parents: Int[np.ndarray, " clusters"]
+        self, xyz: Float[np.ndarray, "3 n"], sizes: Int[np.ndarray, " clusters"], parents: Int[np.ndarray, " clusters"]
     ) -> tuple[Float[np.ndarray, "clusters 3"], Float[np.ndarray, " clusters"]]:
-        """Add one node for each cluster of voxels; `parents` counts the nodes of the last round.
+        """Add one node for each cluster of voxels, which come cluster by cluster.
+
+        Args:
+            xyz: Centres of the voxels (m).
+            sizes: Number of voxels of each cluster.
+            parents: Node that each cluster comes from, counted from the first one of the last round.
 
         Returns:
             Their positions, and the distance of each from the farthest of its voxels (m).
         """
-        size = np.bincount(labels)
-        starts = np.cumsum(size) - size
-        order = stable_order(labels)
-        xyz = [axis.take(order) for axis in xyz]
-        centroid = np.stack([np.add.reduceat(axis, starts) for axis in xyz], 1) / size[:, None]
-        box = [np.maximum.reduceat(axis, starts) + self._spacing - np.minimum.reduceat(axis, starts) for axis in xyz]
-        extent = np.sqrt(sum((each * each for each in box), np.zeros(())))
-        start, before = self.positions[-1][parents], self.extents[-1][parents]
+        starts = np.cumsum(sizes) - sizes
+        centroid = np.add.reduceat(xyz, starts, 1) / sizes
+        box = np.maximum.reduceat(xyz, starts, 1) + self._spacing - np.minimum.reduceat(xyz, starts, 1)
+        extent = _lengths(box)
+        start, before = self.positions[-1][parents].T, self.extents[-1][parents]
         s = np.minimum(extent, before) / np.maximum(extent, before)
-        position = start + (0.5**s)[:, None] * (centroid - start)
-        away = (axis - np.repeat(middle, size) for axis, middle in zip(xyz, position.T, strict=True))
-        radius = np.sqrt(np.maximum.reduceat(sum((each * each for each in away), np.zeros(())), starts))
+        position = start + 0.5**s * (centroid - start)
+        radius = np.maximum.reduceat(_lengths(xyz - position.repeat(sizes, 1)), starts)
+        position = position.T
         count = len(self.frames[-1])
         self.frames.append(self.frames[-1][parents])
         self.parents.append(parents + self._first)

@@ -31,13 +31,15 @@ def test_components_are_those_of_the_voxels_of_each_owner_and_frame(seed, densit
     frame, x, y, z = (axis[order] for axis in (frame, x, y, z))
     owners = owned[frame, x, y, z] + 3 * frame  # frames share no owner
     cells = Cells(2, BOX)
+    places = (((frame * BOX[0] + x) // 2 * BOX[1] + y) // 2 * BOX[2] + z) // 2
+    corners = 4 * (x % 2) + 2 * (y % 2) + z % 2
     expected = np.zeros(owned.shape, int)
     for f in range(2):
         for owner in range(1, 4):
             labels, _ = ndimage.label(owned[f] == owner, np.ones((3, 3, 3)))
             expected[f][labels > 0] = labels[labels > 0] + 1000 * owner + 10_000 * f
     for _ in range(2):  # and what went before leaves no trace
-        assert same_partition(cells.components(frame, x, y, z, owners), expected[frame, x, y, z])
+        assert same_partition(cells.components(places, corners, owners), expected[frame, x, y, z])
 
 
 @settings(deadline=None)

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from jaxskel import _wave
 from jaxskel._graph import SkeletalGraph, prune
 from jaxskel._grid import VoxelGrid
 from jaxskel._hull import VisualHulls, hulls_from_dense
@@ -149,6 +150,87 @@ def test_a_frame_does_not_depend_on_its_batch():
         equal(scooped([occupancy])[0], graph)
     for graph, other in zip(together, scooped(occupancies[::-1])[::-1], strict=True):
         equal(other, graph)
+
+
+def neighbours(voxel):
+    return [tuple(np.add(voxel, step) - 1) for step in np.ndindex(3, 3, 3) if step != (1, 1, 1)]
+
+
+def connected_parts(voxels):
+    """What is connected among some voxels, each part in the order of the voxels, by its first one."""
+    left, parts = dict.fromkeys(voxels), []
+    while left:
+        part, todo = set(), [next(iter(left))]
+        while todo:
+            voxel = todo.pop()
+            if voxel in left:
+                del left[voxel]
+                part.add(voxel)
+                todo += neighbours(voxel)
+        parts.append([voxel for voxel in voxels if voxel in part])
+    return parts
+
+
+def scooped_one_by_one(occupancy, root):
+    """The rule voxel by voxel, in voxels: positions and parents."""
+    free = {tuple(voxel.tolist()) for voxel in np.argwhere(occupancy)} - {root}
+    nodes, parents, extents, contested = [np.array(root, float)], [-1], [np.sqrt(3)], 0
+
+    def looked_at(queue):
+        seen = {}
+        for voxel, owner in queue:
+            for other in neighbours(voxel):
+                if other in free:
+                    seen.setdefault(other, []).append(owner)
+        return seen
+
+    wave = {0: list(looked_at([(root, 0)]))}
+    while any(wave.values()):
+        free -= {voxel for voxels in wave.values() for voxel in voxels}
+        cluster, radius = {}, {}
+        for owner in sorted(wave):
+            for part in sorted(connected_parts(wave[owner]), key=len, reverse=True):  # stable
+                extent = np.linalg.norm(np.ptp(part, axis=0) + 1)
+                share = 0.5 ** (min(extent, extents[owner]) / max(extent, extents[owner]))
+                node = nodes[owner] + share * (np.mean(part, axis=0) - nodes[owner])
+                cluster.update(dict.fromkeys(part, len(nodes)))
+                radius[len(nodes)] = np.linalg.norm(part - node, axis=1).max()
+                nodes.append(node)
+                parents.append(owner)
+                extents.append(extent)
+        queue = [(voxel, cluster[voxel]) for owner in sorted(wave) for voxel in wave[owner]]
+        later = {owner: [] for owner in radius}
+        while queue:
+            grown = []
+            for voxel, owners in looked_at(queue).items():
+                contested += len(set(owners)) > 1
+                if np.linalg.norm(np.subtract(voxel, nodes[owners[0]])) < radius[owners[0]]:
+                    grown.append((voxel, owners[0]))
+                else:
+                    later[owners[0]].append(voxel)
+            free -= {voxel for voxel, _ in grown}
+            queue = grown
+        taken, wave = set(), {}
+        for owner in sorted(later):
+            wave[owner] = [voxel for voxel in dict.fromkeys(later[owner]) if voxel in free - taken]
+            taken |= set(wave[owner])
+    return np.array(nodes), np.array(parents), contested
+
+
+@pytest.mark.parametrize("at_once", [3, 2048])
+def test_the_rule_voxel_by_voxel(at_once, monkeypatch):
+    # Crumbs among which clusters meet all the time: who comes first, and in what order, decides.
+    monkeypatch.setattr(_wave, "_AT_ONCE", at_once)
+    rng = np.random.default_rng(5)
+    occupancies = [np.pad(rng.random((9, 8, 10)) < density, 2) for density in (0.15, 0.25, 0.3, 0.4, 0.6, 0.9)]
+    roots = [tuple(np.argwhere(occupancy)[-1].tolist()) for occupancy in occupancies]
+    contested = 0
+    for graph, occupancy, root in zip(scooped(occupancies, roots), occupancies, roots, strict=True):
+        positions, parents, meetings = scooped_one_by_one(occupancy, root)
+        np.testing.assert_array_equal(graph.parents, parents)
+        np.testing.assert_allclose(graph.positions / SPACING - 0.5, positions, atol=1e-9)
+        contested += meetings
+    assert contested > 50
 
 
 def test_the_same_voxels_give_the_same_graph():
