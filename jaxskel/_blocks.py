@@ -5,21 +5,32 @@ falls on any of the cells of the image around its voxels' pixels. So no voxel of
 """
 
 import math
+from collections.abc import Sequence
+from functools import reduce
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int, UInt32
 
-from ._frame_words import CELL, in_place
+from ._frame_words import CELL
 from ._kept import kept
 
+_ALL = np.uint32(0xFFFFFFFF)
 EDGE = 4
 """Voxels along the edge of a block."""
 INNER = EDGE**3
 """Voxels of a block. What is known of each voxel is kept block by block: that is how it is looked up."""
 # Edges of cells (px), fine to coarse. A footprint is looked up in two by two of them.
 _CELLS = tuple(CELL * times for times in (1, 2, 4, 8))
+
+
+class SomeBlocks(NamedTuple):
+    """Some blocks, and for each of their voxels the word of 32 frames."""
+
+    blocks: Int[np.ndarray, " some"]
+    words: UInt32[np.ndarray, "some inner"]
 
 
 def grid_of_blocks(shape: tuple[int, ...]) -> tuple[int, ...]:
@@ -56,6 +67,39 @@ def blocks_of(
     return block, (x % EDGE * EDGE + y % EDGE) * EDGE + z % EDGE
 
 
+def in_grid_order(
+    found: Sequence[SomeBlocks], shape: tuple[int, ...]
+) -> tuple[Int[np.ndarray, "voxels 3"], UInt32[np.ndarray, "words voxels"]]:
+    """The voxels that are occupied in some frame of some word, in the grid's order, and all their words.
+
+    Args:
+        found: What each word leaves.
+        shape: Of the grid.
+    """
+    grid = grid_of_blocks(shape)
+    corners = [np.stack(np.unravel_index(each.blocks, grid)) for each in found]
+    every = np.concatenate([np.zeros((3, 0), int), *corners], 1)
+    first = every.min(1, initial=max(grid))
+    extent = np.maximum(every.max(1, initial=-1) + 1 - first, 0)
+    # Only as much of the grid as the blocks take up. A row of a block's voxels, 16 bytes, is moved as one number.
+    rows = np.zeros((len(found), math.prod(extent), EDGE, EDGE), np.complex128)
+    for own, at, each in zip(rows, corners, found, strict=True):
+        places = np.ravel_multi_index(tuple(at - first[:, None]), extent)
+        own[places] = each.words.view(rows.dtype).reshape(-1, EDGE, EDGE)
+    ordered = rows.reshape(len(found), *extent, EDGE, EDGE).transpose(0, 1, 4, 2, 5, 3)
+    dense = ordered.reshape(len(found), math.prod(extent) * EDGE**2).view(np.uint32)
+    # NumPy finds what is true far sooner than what is not zero.
+    occupied = np.flatnonzero(reduce(np.bitwise_or, dense, np.zeros(dense.shape[1], np.uint32)) != 0)
+    voxels = np.empty((len(occupied), 3), np.int32)
+    rest = occupied.astype(np.int32)
+    for axis in (2, 1, 0):
+        length = np.int32(EDGE * extent[axis])
+        row = rest // length
+        voxels[:, axis] = rest - row * length + np.int32(EDGE * first[axis])
+        rest = row
+    return voxels, dense.take(occupied, axis=1)
+
+
 def find_footprints(pixels: Int[np.ndarray, "blocks inner"], height: int, width: int) -> Int[np.ndarray, " blocks"]:
     """Where one camera sees each block, from the pixels of its voxels (`height` times `width` where it sees none)."""
     v = pixels // np.int32(width)
@@ -80,8 +124,10 @@ def pooled(
     blank: UInt32[Array | np.ndarray, " cams"],
     height: int,
     width: int,
-) -> UInt32[Array, "cams cells"]:
+) -> UInt32[Array, "cams cells_and_one"]:
     """Of two by two cells each, from their upper left one on, which frames have the person on any pixel; by size.
+
+    After the last of them comes a word of ones, for blocks that are not seen.
 
     Args:
         words: Of the windows, see `cut_windows`.
@@ -94,17 +140,31 @@ def pooled(
     edge = CELL
     cells = _any_of(_any_of(words, 1, edge), 2, edge)
     row_and_column = jnp.asarray(corner) // jnp.array([[CELL, 1]])
-    cells = in_place(cells, row_and_column, blank, *_levels(height, width)[0])
+    cells = _in_place(cells, row_and_column, blank, *_levels(height, width)[0])
     for cell in _CELLS:
         cells, edge = _any_of(_any_of(cells, 1, cell // edge), 2, cell // edge), cell
         two = cells | jnp.pad(cells[:, 1:], ((0, 0), (0, 1), (0, 0)))
         two |= jnp.pad(two[:, :, 1:], ((0, 0), (0, 0), (0, 1)))
         levels.append(two.reshape(len(words), -1))
-    return jnp.concatenate(levels, 1)
+    return jnp.concatenate([*levels, jnp.full((len(words), 1), _ALL)], 1)
 
 
 def _levels(height: int, width: int) -> list[tuple[int, int]]:
     return [(-(-height // cell), -(-width // cell)) for cell in _CELLS]
+
+
+def _in_place(
+    part: UInt32[Array, "cams rows columns"],
+    corner: Int[Array, "cams 2"],
+    blank: UInt32[Array | np.ndarray, " cams"],
+    height: int,
+    width: int,
+) -> UInt32[Array, "cams height width"]:
+    """Parts of images, each at its row and column, and the same word all around."""
+    whole = jnp.broadcast_to(jnp.asarray(blank)[:, None, None], (len(part), height, width))
+    for camera, each in enumerate(part):
+        whole = jax.lax.dynamic_update_slice(whole, each[None], (camera, corner[camera, 0], corner[camera, 1]))
+    return whole
 
 
 def _any_of(cells: UInt32[Array, "cams rows columns"], axis: int, count: int) -> UInt32[Array, "cams less fewer"]:

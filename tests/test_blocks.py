@@ -3,8 +3,19 @@
 import numpy as np
 import pytest
 
-from jaxskel._blocks import EDGE, blocks_of, find_footprints, grid_of_blocks, pooled, voxels_of
-from jaxskel._frame_words import whole_images
+from jaxskel._blocks import (
+    EDGE,
+    INNER,
+    SomeBlocks,
+    blocks_of,
+    count_blocks,
+    find_footprints,
+    grid_of_blocks,
+    in_grid_order,
+    pooled,
+    voxels_of,
+)
+from jaxskel._frame_words import Windows, whole_images
 
 HEIGHT, WIDTH = 104, 136
 NOWHERE = np.zeros((1, 2), np.int32), np.zeros(1, np.uint32)
@@ -25,6 +36,23 @@ def test_every_voxel_is_in_one_block(shape):
         np.testing.assert_array_equal(voxels[found, places], own[own >= 0])
 
 
+@pytest.mark.parametrize("shape", [(8, 4, 12), (5, 6, 9), (1, 2, 3)])
+@pytest.mark.parametrize("counts", [(), (0,), (1,), (2, 0, 5)])
+def test_voxels_of_blocks_in_the_order_of_the_grid(shape, counts):
+    rng = np.random.default_rng(0)
+    given, dense = [], np.zeros((len(counts), int(np.prod(shape))), np.uint32)
+    for own, count in zip(dense, counts, strict=True):
+        some = rng.permutation(count_blocks(shape))[:count]
+        voxels = voxels_of(some, shape)
+        found = np.where(voxels >= 0, rng.integers(0, 3, (len(some), INNER)), 0).astype(np.uint32)
+        own[voxels[voxels >= 0]] = found[voxels >= 0]
+        given.append(SomeBlocks(some, found))
+    voxels, found = in_grid_order(given, shape)
+    occupied = np.flatnonzero(dense.any(0))
+    np.testing.assert_array_equal(voxels, np.stack(np.unravel_index(occupied, shape), 1))
+    np.testing.assert_array_equal(found, dense[:, occupied])
+
+
 @pytest.mark.parametrize("spread", [2, 8, 30, 200])
 @pytest.mark.parametrize("seed", range(3))
 def test_what_a_voxel_sees_its_block_sees(seed, spread):
@@ -38,7 +66,7 @@ def test_what_a_voxel_sees_its_block_sees(seed, spread):
     voxels = voxels_of(np.arange(int(np.prod(blocks))), shape)
     own = pixels[np.where(voxels < 0, voxels[:, :1], voxels)]
     image = np.where(rng.random((HEIGHT, WIDTH)) < 0.01, rng.integers(1, 2**32, (HEIGHT, WIDTH)), 0).astype(np.uint32)
-    cells = np.append(np.asarray(pooled(image[None], *NOWHERE, HEIGHT, WIDTH))[0], np.uint32(0xFFFFFFFF))
+    cells = np.asarray(pooled(image[None], *NOWHERE, HEIGHT, WIDTH))[0]
     seen = np.append(image, np.uint32(0xFFFFFFFF))[own]
     footprints = find_footprints(own, HEIGHT, WIDTH)
     assert not (np.bitwise_or.reduce(seen, 1) & ~cells[footprints]).any()
@@ -49,7 +77,8 @@ def test_windows_are_pooled_where_they_are():
     rng = np.random.default_rng(0)
     words = rng.integers(0, 2**32, (2, 24, 32)).astype(np.uint32)
     corner, blank = np.array([[8, 3], [72, 0]], np.int32), np.array([0, 5], np.uint32)
-    images = np.asarray(whole_images(words, corner, blank, HEIGHT, WIDTH))
+    windows = Windows(np.zeros((32, 2, 24, 4), np.uint8), corner, blank)
+    images = np.stack([image[:-1].copy() for image in whole_images(words, windows, HEIGHT, WIDTH)])
     expected = pooled(images.reshape(2, -1, WIDTH), *NOWHERE_TWICE, HEIGHT, WIDTH)
     found = pooled(words, corner, blank, HEIGHT, WIDTH)
     np.testing.assert_array_equal(found, expected)
