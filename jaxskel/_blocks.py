@@ -14,10 +14,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int, UInt32
 
-from ._frame_words import CELL
+from ._frame_words import CELL, in_place
 from ._kept import kept
 
-_ALL = np.uint32(0xFFFFFFFF)
 EDGE = 4
 """Voxels along the edge of a block."""
 INNER = EDGE**3
@@ -124,10 +123,8 @@ def pooled(
     blank: UInt32[Array | np.ndarray, " cams"],
     height: int,
     width: int,
-) -> UInt32[Array, "cams cells_and_one"]:
+) -> UInt32[Array, "cams cells"]:
     """Of two by two cells each, from their upper left one on, which frames have the person on any pixel; by size.
-
-    After the last of them comes a word of ones, for blocks that are not seen.
 
     Args:
         words: Of the windows, see `cut_windows`.
@@ -140,31 +137,17 @@ def pooled(
     edge = CELL
     cells = _any_of(_any_of(words, 1, edge), 2, edge)
     row_and_column = jnp.asarray(corner) // jnp.array([[CELL, 1]])
-    cells = _in_place(cells, row_and_column, blank, *_levels(height, width)[0])
+    cells = in_place(cells, row_and_column, blank, *_levels(height, width)[0])
     for cell in _CELLS:
         cells, edge = _any_of(_any_of(cells, 1, cell // edge), 2, cell // edge), cell
         two = cells | jnp.pad(cells[:, 1:], ((0, 0), (0, 1), (0, 0)))
         two |= jnp.pad(two[:, :, 1:], ((0, 0), (0, 0), (0, 1)))
         levels.append(two.reshape(len(words), -1))
-    return jnp.concatenate([*levels, jnp.full((len(words), 1), _ALL)], 1)
+    return jnp.concatenate(levels, 1)
 
 
 def _levels(height: int, width: int) -> list[tuple[int, int]]:
     return [(-(-height // cell), -(-width // cell)) for cell in _CELLS]
-
-
-def _in_place(
-    part: UInt32[Array, "cams rows columns"],
-    corner: Int[Array, "cams 2"],
-    blank: UInt32[Array | np.ndarray, " cams"],
-    height: int,
-    width: int,
-) -> UInt32[Array, "cams height width"]:
-    """Parts of images, each at its row and column, and the same word all around."""
-    whole = jnp.broadcast_to(jnp.asarray(blank)[:, None, None], (len(part), height, width))
-    for camera, each in enumerate(part):
-        whole = jax.lax.dynamic_update_slice(whole, each[None], (camera, corner[camera, 0], corner[camera, 1]))
-    return whole
 
 
 def _any_of(cells: UInt32[Array, "cams rows columns"], axis: int, count: int) -> UInt32[Array, "cams less fewer"]:

@@ -1,64 +1,72 @@
-"""Space carving (Sect. 3): silhouettes to visual hulls, 32 frames to a machine word.
+"""Space carving (Sect. 3): silhouettes to visual hulls, jit-compiled, 32 frames to a machine word.
 
-Cameras and grid are static, so the pixel that each voxel falls on is looked up once and kept in a table. One look-up
-and one AND carve 32 frames, see `_frame_words`. Blocks of voxels go first, see `_blocks`. Looking up is NumPy's part:
-it takes half the time that a compiled gather takes, and needs no fixed number of blocks.
+Cameras and grid are static, so the pixel that each voxel falls on is looked up once and kept in a table. One gather
+and one AND carve 32 frames, see `_frame_words`. Blocks of voxels go first, see `_blocks`.
 """
 
-from collections.abc import Iterable
-
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Int, UInt8, UInt32
+from jaxtyping import Array, Bool, Int, UInt8, UInt32
 
 from ._blocks import INNER, SomeBlocks, count_blocks, in_grid_order, pooled
 from ._frame_words import FRAMES_PER_WORD, Windows, cut_windows, frame_words, frames_of, whole_images
 from ._hull import VisualHulls
+from ._kept import kept
 from ._projection import ProjectionTable
 
 _ALL = np.uint32(0xFFFFFFFF)
-# Blocks that are looked up at once. What many more of them need does not stay in the processor's cache.
-_AT_ONCE = 1 << 13
+_AT_ONCE = 1 << 9  # blocks
 
 
+@kept
 def carve_words(
-    occupied: UInt32[np.ndarray, "*some"],
-    words: Iterable[UInt32[np.ndarray, " places"]],
-    seen: Iterable[Int[np.ndarray, "*some"]],
-    max_misses: int = 0,
-) -> UInt32[np.ndarray, "*some"]:
+    words: UInt32[Array, "cams places"], seen: Int[Array, "cams some"], max_misses: int = 0
+) -> UInt32[Array, " some"]:
     """Carve 32 frames at once: what stays is missed by at most `max_misses` cameras.
 
     Args:
-        occupied: The frames in which each voxel, or block of voxels, is there to be carved.
-        words: Camera by camera, of its pixels, or cells of them, and of what it does not see.
-        seen: Camera by camera, which of them each voxel or block is seen on.
+        words: Of each camera's pixels, or cells of them.
+        seen: Which of them each voxel, or block of voxels, is seen on; one past the last where it is not seen.
         max_misses: Cameras that may see background.
     """
-    # kept[k] has the bits of the frames in which at most k cameras missed the voxel so far.
-    kept = [occupied.copy() for _ in range(max_misses + 1)]
-    for words_of_camera, seen_by_camera in zip(words, seen, strict=True):
-        hit = words_of_camera.take(seen_by_camera)
+    # misses[k] has the bits of the frames in which more than k cameras missed the voxel so far.
+    misses = [jnp.zeros(seen.shape[1], jnp.uint32) for _ in range(max_misses + 1)]
+    for c in range(words.shape[0]):
+        miss = ~words[c].at[seen[c]].get(mode="fill", fill_value=_ALL)
         for k in range(max_misses, 0, -1):
-            kept[k] &= hit
-            kept[k] |= kept[k - 1]
-        kept[0] &= hit
-    return kept[max_misses]
+            misses[k] |= misses[k - 1] & miss
+        misses[0] |= miss
+    return ~misses[max_misses]
+
+
+@kept
+def _carve_some(
+    words: UInt32[Array, "cams pixels"],
+    pixels: Int[Array, "cams blocks inner"],
+    observed: Bool[Array, "blocks inner"],
+    blocks: Int[Array | np.ndarray, " some"],
+    max_misses: int,
+) -> UInt32[Array, "some inner"]:
+    """Carve the voxels of some blocks."""
+    seen = pixels.at[:, blocks].get(mode="promise_in_bounds")
+    carved = carve_words(words, seen.reshape(len(words), -1), max_misses).reshape(seen.shape[1:])
+    return jnp.where(observed[blocks], carved, jnp.uint32(0))
 
 
 def _carve_word(windows: Windows, table: ProjectionTable, max_misses: int) -> SomeBlocks:
-    """Carve 32 frames: first blocks of voxels, then the voxels of those that are left."""
+    """Carve 32 frames: first blocks of voxels, then the voxels of those that are left, a fixed number at a time."""
     words = frame_words(windows)
-    cells = np.asarray(pooled(words, windows.corner, windows.blank, *table.size))
-    every = np.full(count_blocks(table.grid.shape), _ALL)
-    left = np.flatnonzero(carve_words(every, cells, table.footprints, max_misses) != 0)
-    carved = np.empty((len(left), INNER), np.uint32)
+    where = windows.corner, windows.blank, *table.size
+    blocks = np.asarray(carve_words(pooled(words, *where), table.footprints, max_misses))
+    left = np.flatnonzero(blocks[: count_blocks(table.grid.shape)] != 0).astype(np.int32)
+    images = whole_images(words, *where)
+    found: list[np.ndarray] = []
     for start in range(0, len(left), _AT_ONCE):
-        some = left[start : start + _AT_ONCE]
-        observed = table.observed_of_blocks.take(some, axis=0)
-        images = whole_images(np.asarray(words), windows, *table.size)
-        seen = (pixels.take(some, axis=0) for pixels in table.pixels_of_blocks)
-        carved[start : start + _AT_ONCE] = carve_words(np.where(observed, _ALL, np.uint32(0)), images, seen, max_misses)
-    return SomeBlocks(left, carved)
+        some = np.resize(left[start : start + _AT_ONCE], _AT_ONCE)
+        found.append(
+            np.asarray(_carve_some(images, table.pixels_of_blocks, table.observed_of_blocks, some, max_misses))
+        )
+    return SomeBlocks(left, np.concatenate([np.zeros((0, INNER), np.uint32), *found])[: len(left)])
 
 
 def carve(

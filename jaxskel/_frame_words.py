@@ -3,7 +3,6 @@
 A person fills a small part of an image. Only a window of it is turned into words, the same place in all frames.
 """
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import jax
@@ -64,21 +63,31 @@ def frame_words(windows: Windows) -> UInt32[Array, "cams rows columns"]:
     return (jnp.stack(words, -1) | blank[:, None, None]).reshape(cams, rows, 8 * columns)
 
 
+@kept
 def whole_images(
-    words: UInt32[np.ndarray, "cams rows columns"], windows: Windows, height: int, width: int
-) -> Iterator[UInt32[np.ndarray, " pixels_and_one"]]:
-    """Camera by camera the words of all pixels, of which those of the windows are given, and a word of ones.
+    words: UInt32[Array, "cams rows columns"],
+    corner: Int[Array | np.ndarray, "cams 2"],
+    blank: UInt32[Array | np.ndarray, " cams"],
+    height: int,
+    width: int,
+) -> UInt32[Array, "cams pixels"]:
+    """The words of all pixels, of which those of the windows are given."""
+    pixels = in_place(words, jnp.asarray(corner) * jnp.array([[1, CELL]]), blank, -(-height // CELL) * CELL, width)
+    return pixels[:, :height].reshape(len(words), -1)
 
-    All in the same place: one image at a time stays in the processor's cache.
-    """
-    pixels = np.empty(height * width + 1, np.uint32)
-    image = pixels[:-1].reshape(height, width)
-    for window, (top, left), blank in zip(words, windows.corner, windows.blank, strict=True):
-        pixels.fill(blank)
-        pixels[-1] = 0xFFFFFFFF
-        part = window[: height - top]
-        image[top : top + len(part), CELL * left : CELL * left + part.shape[1]] = part
-        yield pixels
+
+def in_place(
+    part: UInt32[Array, "cams rows columns"],
+    corner: Int[Array, "cams 2"],
+    blank: UInt32[Array | np.ndarray, " cams"],
+    height: int,
+    width: int,
+) -> UInt32[Array, "cams height width"]:
+    """Parts of images, each at its row and column, and the same word all around."""
+    whole = jnp.broadcast_to(jnp.asarray(blank)[:, None, None], (len(part), height, width))
+    for camera, each in enumerate(part):
+        whole = jax.lax.dynamic_update_slice(whole, each[None], (camera, corner[camera, 0], corner[camera, 1]))
+    return whole
 
 
 def frames_of(words: UInt32[np.ndarray, "words n"], frames: int) -> Bool[np.ndarray, "frames n"]:

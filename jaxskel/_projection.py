@@ -12,6 +12,7 @@ from ._blocks import INNER, blocks_of, count_blocks, find_footprints, voxels_of
 from ._camera import Cameras, project
 from ._grid import VoxelGrid
 from ._kept import kept
+from ._stacks import step_above
 
 # Blocks of voxels that are projected at once: always the same number, so that another grid does not compile again.
 _AT_ONCE = 1 << 10
@@ -21,10 +22,11 @@ class ProjectionTable(eqx.Module):
     """Which pixel each voxel centre falls on, for static cameras and a static grid."""
 
     grid: VoxelGrid
-    pixels_of_blocks: Int[np.ndarray, "cams blocks inner"]
-    """The `pixels` block by block, see `voxels_of`."""
-    observed_of_blocks: Bool[np.ndarray, "blocks inner"]
-    footprints: Int[np.ndarray, "cams blocks"]
+    pixels_of_blocks: Int[Array, "cams at_least_blocks inner"]
+    """The `pixels` block by block, see `voxels_of`, and of more blocks that nobody looks at: grids of about the same
+    size share what is compiled."""
+    observed_of_blocks: Bool[Array, "at_least_blocks inner"]
+    footprints: Int[Array, "cams at_least_blocks"]
     """Where each camera sees each block of voxels, see `find_footprints`."""
     size: tuple[int, int] = eqx.field(static=True)
     """Height and width of the stored silhouettes (px)."""
@@ -32,23 +34,23 @@ class ProjectionTable(eqx.Module):
     @property
     def pixels(self) -> Int[np.ndarray, "cams voxels"]:
         """Index into the flattened image; one past its end where the camera does not see the voxel."""
-        return self._by_voxel(self.pixels_of_blocks)
+        return self._by_voxel(np.asarray(self.pixels_of_blocks))
 
     @property
     def observed(self) -> Bool[np.ndarray, " voxels"]:
         """Seen by enough cameras to be told from the background."""
-        return self._by_voxel(self.observed_of_blocks)
+        return self._by_voxel(np.asarray(self.observed_of_blocks))
 
     def pixels_at(self, voxels: Int[np.ndarray, "n 3"]) -> Int[np.ndarray, "cams n"]:
         """The `pixels` of some voxels, given by x, y and z."""
         block, place = blocks_of(voxels, self.grid.shape)
-        return self.pixels_of_blocks.reshape(len(self.pixels_of_blocks), -1).take(block * INNER + place, axis=1)
+        table = np.asarray(self.pixels_of_blocks)
+        return table.reshape(len(table), -1).take(block * INNER + place, axis=1)
 
     def with_min_views(self, min_views: int) -> "ProjectionTable":
         """The same table with another number of cameras that must see a voxel."""
-        views = (self.pixels_of_blocks < self.unseen).sum(0)
-        real = voxels_of(np.arange(len(views)), self.grid.shape) >= 0
-        return replace(self, observed_of_blocks=(views >= min_views) & real)
+        views = (np.asarray(self.pixels_of_blocks) < self.unseen).sum(0)
+        return replace(self, observed_of_blocks=jnp.asarray((views >= min_views) & _real(self.grid.shape, len(views))))
 
     def _by_voxel(self, of_blocks: np.ndarray) -> np.ndarray:
         """The grid's voxels in its order, from blocks of them."""
@@ -77,7 +79,7 @@ def projection_table(cameras: Cameras, grid: VoxelGrid, height: int, width: int,
         min_views: A voxel seen by fewer cameras than this is never occupied: nothing bounds it.
     """
     blocks = count_blocks(grid.shape)
-    pixels = np.full((len(cameras), blocks, INNER), height * width, np.int32)
+    pixels = np.full((len(cameras), step_above(blocks), INNER), height * width, np.int32)
     axes = grid.axes()
     # Names are no numbers, and other names would compile again.
     nameless = replace(cameras, names=tuple(map(str, range(len(cameras)))))
@@ -92,9 +94,17 @@ def projection_table(cameras: Cameras, grid: VoxelGrid, height: int, width: int,
             stop = min(start + _AT_ONCE, blocks)
             pixels[:, start:stop] = found[:, : stop - start]
     footprints = np.stack([find_footprints(each, height, width) for each in pixels])
-    none = np.zeros(pixels.shape[1:], bool)
-    table = ProjectionTable(grid, pixels, none, footprints, (height, width))
+    none = jnp.zeros(pixels.shape[1:], bool)
+    table = ProjectionTable(grid, jnp.asarray(pixels), none, jnp.asarray(footprints), (height, width))
     return table.with_min_views(min_views)
+
+
+def _real(shape: tuple[int, ...], blocks: int) -> Bool[np.ndarray, "blocks inner"]:
+    """Which voxels of so many blocks are voxels of a grid."""
+    real = np.zeros((blocks, INNER), bool)
+    own = count_blocks(shape)
+    real[:own] = voxels_of(np.arange(own), shape) >= 0
+    return real
 
 
 @kept
