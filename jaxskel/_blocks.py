@@ -5,6 +5,9 @@ falls on any of the cells of the image around its voxels' pixels. So no voxel of
 """
 
 import math
+from collections.abc import Sequence
+from functools import reduce
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -20,6 +23,13 @@ INNER = EDGE**3
 """Voxels of a block. What is known of each voxel is kept block by block: that is how it is looked up."""
 # Edges of cells (px), fine to coarse. A footprint is looked up in two by two of them.
 _CELLS = tuple(CELL * times for times in (1, 2, 4, 8))
+
+
+class SomeBlocks(NamedTuple):
+    """Some blocks, and for each of their voxels the word of 32 frames."""
+
+    blocks: Int[np.ndarray, " some"]
+    words: UInt32[np.ndarray, "some inner"]
 
 
 def grid_of_blocks(shape: tuple[int, ...]) -> tuple[int, ...]:
@@ -54,6 +64,39 @@ def blocks_of(
     _, columns, layers = grid_of_blocks(shape)
     block = (x // EDGE * columns + y // EDGE) * layers + z // EDGE
     return block, (x % EDGE * EDGE + y % EDGE) * EDGE + z % EDGE
+
+
+def in_grid_order(
+    found: Sequence[SomeBlocks], shape: tuple[int, ...]
+) -> tuple[Int[np.ndarray, "voxels 3"], UInt32[np.ndarray, "words voxels"]]:
+    """The voxels that are occupied in some frame of some word, in the grid's order, and all their words.
+
+    Args:
+        found: What each word leaves.
+        shape: Of the grid.
+    """
+    grid = grid_of_blocks(shape)
+    corners = [np.stack(np.unravel_index(each.blocks, grid)) for each in found]
+    every = np.concatenate([np.zeros((3, 0), int), *corners], 1)
+    first = every.min(1, initial=max(grid))
+    extent = np.maximum(every.max(1, initial=-1) + 1 - first, 0)
+    # Only as much of the grid as the blocks take up. A row of a block's voxels, 16 bytes, is moved as one number.
+    rows = np.zeros((len(found), math.prod(extent), EDGE, EDGE), np.complex128)
+    for own, at, each in zip(rows, corners, found, strict=True):
+        places = np.ravel_multi_index(tuple(at - first[:, None]), extent)
+        own[places] = each.words.view(rows.dtype).reshape(-1, EDGE, EDGE)
+    ordered = rows.reshape(len(found), *extent, EDGE, EDGE).transpose(0, 1, 4, 2, 5, 3)
+    dense = ordered.reshape(len(found), math.prod(extent) * EDGE**2).view(np.uint32)
+    # NumPy finds what is true far sooner than what is not zero.
+    occupied = np.flatnonzero(reduce(np.bitwise_or, dense, np.zeros(dense.shape[1], np.uint32)) != 0)
+    voxels = np.empty((len(occupied), 3), np.int32)
+    rest = occupied.astype(np.int32)
+    for axis in (2, 1, 0):
+        length = np.int32(EDGE * extent[axis])
+        row = rest // length
+        voxels[:, axis] = rest - row * length + np.int32(EDGE * first[axis])
+        rest = row
+    return voxels, dense.take(occupied, axis=1)
 
 
 def find_footprints(pixels: Int[np.ndarray, "blocks inner"], height: int, width: int) -> Int[np.ndarray, " blocks"]:

@@ -4,14 +4,12 @@ Cameras and grid are static, so the pixel that each voxel falls on is looked up 
 and one AND carve 32 frames, see `_frame_words`. Blocks of voxels go first, see `_blocks`.
 """
 
-from functools import reduce
-
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Int, UInt8, UInt32
 
-from ._blocks import INNER, count_blocks, pooled, voxels_of
-from ._frame_words import FRAMES_PER_WORD, Windows, cut_windows, frame_words, whole_images
+from ._blocks import INNER, SomeBlocks, count_blocks, in_grid_order, pooled
+from ._frame_words import FRAMES_PER_WORD, Windows, cut_windows, frame_words, frames_of, whole_images
 from ._hull import VisualHulls
 from ._kept import kept
 from ._projection import ProjectionTable
@@ -55,14 +53,8 @@ def _carve_some(
     return jnp.where(observed[blocks], carved, jnp.uint32(0))
 
 
-def _carve_word(
-    windows: Windows, table: ProjectionTable, max_misses: int
-) -> tuple[Int[np.ndarray, " some"], UInt32[np.ndarray, " some"]]:
-    """Carve 32 frames: first blocks of voxels, then the voxels of those that are left, a fixed number at a time.
-
-    Returns:
-        Voxels that are occupied in some frame, as indices into the grid, not in order, and their words.
-    """
+def _carve_word(windows: Windows, table: ProjectionTable, max_misses: int) -> SomeBlocks:
+    """Carve 32 frames: first blocks of voxels, then the voxels of those that are left, a fixed number at a time."""
     words = frame_words(windows)
     where = windows.corner, windows.blank, *table.size
     blocks = np.asarray(carve_words(pooled(words, *where), table.footprints, max_misses))
@@ -74,9 +66,7 @@ def _carve_word(
         found.append(
             np.asarray(_carve_some(images, table.pixels_of_blocks, table.observed_of_blocks, some, max_misses))
         )
-    carved = np.concatenate([np.zeros((0, INNER), np.uint32), *found])[: len(left)].reshape(-1)
-    occupied = np.flatnonzero(carved != 0)  # NumPy finds what is true far sooner than what is not zero
-    return voxels_of(left, table.grid.shape).reshape(-1).take(occupied), carved.take(occupied)
+    return SomeBlocks(left, np.concatenate([np.zeros((0, INNER), np.uint32), *found])[: len(left)])
 
 
 def carve(
@@ -106,24 +96,7 @@ def carve(
         if missing:
             part = np.pad(part, ((0, missing), (0, 0), (0, 0), (0, 0)))
             gone = np.pad(gone, ((0, missing), (0, 0)))
-        voxels, words = _carve_word(cut_windows(part, gone), table, max_misses)
-        found.append((voxels, words & (_ALL >> np.uint32(missing))))
-    occupied, words = _in_order(found)
-    inside = np.empty((frames, len(occupied)), bool)
-    for f in range(frames):
-        np.not_equal(words[f // FRAMES_PER_WORD] & np.uint32(1 << f % FRAMES_PER_WORD), 0, out=inside[f])
-    voxels = np.stack(np.unravel_index(occupied, table.grid.shape), -1).astype(np.int32)
-    return VisualHulls(voxels, inside, table.grid)
-
-
-def _in_order(
-    found: list[tuple[np.ndarray, np.ndarray]],
-) -> tuple[Int[np.ndarray, " voxels"], UInt32[np.ndarray, "words voxels"]]:
-    """Voxels that are occupied in some frame of some word, in the grid's order, and their words."""
-    every = np.concatenate([np.zeros(0, np.int32), *(voxels for voxels, _ in found)])
-    first, last = int(every.min(initial=2**31 - 1)), int(every.max(initial=-1))
-    dense = np.zeros((len(found), max(0, last + 1 - first)), np.uint32)
-    for row, (voxels, words) in zip(dense, found, strict=True):
-        row[voxels - first] = words
-    occupied = np.flatnonzero(reduce(np.bitwise_or, dense, np.zeros(dense.shape[1], np.uint32)) != 0)
-    return first + occupied, dense.take(occupied, axis=1)
+        carved = _carve_word(cut_windows(part, gone), table, max_misses)
+        found.append(SomeBlocks(carved.blocks, carved.words & (_ALL >> np.uint32(missing))))
+    voxels, words = in_grid_order(found, table.grid.shape)
+    return VisualHulls(voxels, frames_of(words, frames), table.grid)

@@ -90,6 +90,16 @@ def in_place(
     return whole
 
 
+def frames_of(words: UInt32[np.ndarray, "words n"], frames: int) -> Bool[np.ndarray, "frames n"]:
+    """The bits of words, frame by frame."""
+    bits = np.empty((frames, words.shape[1]), bool)
+    for start in range(0, frames, 8):  # bytes are looked at faster than words
+        part = (words[start // FRAMES_PER_WORD] >> np.uint32(start % FRAMES_PER_WORD)).astype(np.uint8)
+        for bit, frame in enumerate(bits[start : start + 8]):
+            np.not_equal(part & np.uint8(1 << bit), 0, out=frame)
+    return bits
+
+
 def _transposed(rows: list[UInt8[Array, "*image"]]) -> list[UInt8[Array, "*image"]]:
     """Bit k of the i-th of eight bytes becomes bit i of the k-th byte, counted from the highest.
 

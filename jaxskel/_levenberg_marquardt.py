@@ -34,12 +34,14 @@ class DampedNormalDescent(optx.AbstractDescent):
     def query(self, y: Any, f_info: Any, state: NormalEquations) -> NormalEquations:
         """Take in the linearised problem at `y`."""
         flat, unravel = ravel_pytree(y)
-        columns = jax.vmap(lambda unit: f_info.jac.mv(unravel(unit)))(jnp.eye(flat.size, dtype=flat.dtype))
+        units = jnp.eye(flat.size, dtype=flat.dtype)
+        # Unknowns as the last axis: rows of them are long enough for a processor, points and rotations are not.
+        columns = jax.vmap(lambda unit: f_info.jac.mv(unravel(unit)), out_axes=-1)(units)
         matrix, gradient = jnp.zeros((flat.size, flat.size), flat.dtype), jnp.zeros_like(flat)
         # Residuals one after the other: put into one matrix first, all would be copied.
         for part, residual in zip(jax.tree.leaves(columns), jax.tree.leaves(f_info.residual), strict=True):
-            rows = part.reshape(flat.size, -1)
-            matrix, gradient = matrix + rows @ rows.T, gradient + rows @ residual.ravel()
+            rows = part.reshape(-1, flat.size)
+            matrix, gradient = matrix + rows.T @ rows, gradient + residual.ravel() @ rows
         return NormalEquations(matrix, gradient)
 
     def step(self, step_size: Any, state: NormalEquations) -> tuple[Any, optx.RESULTS]:

@@ -35,10 +35,10 @@ def _turned_tangent(primals: Any, tangents: Any) -> tuple[Array, Array]:
     result = turned(vector, rotation)
     tangent = jnp.zeros_like(result)
     if not isinstance(change, SymbolicZero):
-        velocity = _left_jacobian(vector)
-        # A matrix of its own for each vector, whatever the tangents, and multiplied by columns.
-        along = sum((velocity[..., i] * change[..., i, None] for i in range(3)), jnp.zeros(()))
-        tangent = tangent + jnp.stack([cross(along, result[..., column]) for column in range(3)], -1)
+        # What each part of a vector does to each number of the result, whatever the tangents.
+        generators = jnp.einsum("kij,...jl->...kil", _GENERATORS, result)
+        effects = jnp.einsum("...ka,...kil->...ila", _left_jacobian(vector), generators)
+        tangent = tangent + jnp.einsum("...ila,...a->...il", effects, change)
     if not isinstance(rotation_change, SymbolicZero):
         tangent = tangent + turned(vector, rotation_change)
     return result, tangent
@@ -81,6 +81,10 @@ def _skew(vector: Any, stack: Callable[..., Any] = np.stack) -> Any:
     x, y, z = (vector[..., i] for i in range(3))
     zero = 0 * x
     return stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).reshape(*vector.shape, 3)
+
+
+# The matrices of the cross products by the three axes.
+_GENERATORS = _skew(np.eye(3, dtype=np.float32))
 
 
 def turn_about(axis: Float[np.ndarray, "n 3"], angle: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3 3"]:

@@ -3,7 +3,18 @@
 import numpy as np
 import pytest
 
-from jaxskel._blocks import EDGE, blocks_of, find_footprints, grid_of_blocks, pooled, voxels_of
+from jaxskel._blocks import (
+    EDGE,
+    INNER,
+    SomeBlocks,
+    blocks_of,
+    count_blocks,
+    find_footprints,
+    grid_of_blocks,
+    in_grid_order,
+    pooled,
+    voxels_of,
+)
 from jaxskel._frame_words import whole_images
 
 HEIGHT, WIDTH = 104, 136
@@ -23,6 +34,23 @@ def test_every_voxel_is_in_one_block(shape):
         found, places = blocks_of(np.stack([x, y, z], 1), shape)
         np.testing.assert_array_equal(found, block)
         np.testing.assert_array_equal(voxels[found, places], own[own >= 0])
+
+
+@pytest.mark.parametrize("shape", [(8, 4, 12), (5, 6, 9), (1, 2, 3)])
+@pytest.mark.parametrize("counts", [(), (0,), (1,), (2, 0, 5)])
+def test_voxels_of_blocks_in_the_order_of_the_grid(shape, counts):
+    rng = np.random.default_rng(0)
+    given, dense = [], np.zeros((len(counts), int(np.prod(shape))), np.uint32)
+    for own, count in zip(dense, counts, strict=True):
+        some = rng.permutation(count_blocks(shape))[:count]
+        voxels = voxels_of(some, shape)
+        found = np.where(voxels >= 0, rng.integers(0, 3, (len(some), INNER)), 0).astype(np.uint32)
+        own[voxels[voxels >= 0]] = found[voxels >= 0]
+        given.append(SomeBlocks(some, found))
+    voxels, found = in_grid_order(given, shape)
+    occupied = np.flatnonzero(dense.any(0))
+    np.testing.assert_array_equal(voxels, np.stack(np.unravel_index(occupied, shape), 1))
+    np.testing.assert_array_equal(found, dense[:, occupied])
 
 
 @pytest.mark.parametrize("spread", [2, 8, 30, 200])

@@ -79,6 +79,15 @@ def test_carve_equals_the_text_book(frames, max_misses, min_views):
     np.testing.assert_array_equal(ours, expected)
 
 
+def test_many_blocks_are_looked_up_in_parts(monkeypatch):
+    cameras, grid = ring(4), make_grid(np.array([-0.5, -0.5, 0.6]), np.array([0.5, 0.5, 1.5]), 0.05)
+    silhouettes = np.packbits(np.random.default_rng(0).random((3, 4, 120, 160)) < 0.8, -1)
+    at_once = carved(silhouettes, cameras, grid)
+    monkeypatch.setattr("jaxskel._carve._AT_ONCE", 7)
+    assert at_once.any()
+    np.testing.assert_array_equal(carved(silhouettes, cameras, grid), at_once)
+
+
 def test_hulls_store_no_voxel_that_is_empty_in_every_frame():
     # 33 frames leave 31 unused bits in the second word, which must not count.
     cameras, rng = ring(3), np.random.default_rng(0)

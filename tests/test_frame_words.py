@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxskel._frame_words import CELL, FRAMES_PER_WORD, cut_windows, frame_words, whole_images
+from jaxskel._frame_words import CELL, FRAMES_PER_WORD, cut_windows, frame_words, frames_of, whole_images
 
 CAMS, WIDTH = 3, 160
 
@@ -31,3 +31,13 @@ def test_a_window_is_as_large_as_the_person_asks_for():
     rows, columns = windows.packed.shape[2:]
     assert 130 <= rows < 1.25 * 130 + 2 * CELL
     assert 40 / 8 <= columns < 1.25 * 40 / 8 + 2
+
+
+@pytest.mark.parametrize("frames", [1, 12, 32, 33, 64])
+def test_words_are_taken_apart_again(frames):
+    bits = np.random.default_rng(0).random((frames, 7)) < 0.5
+    powers = np.uint32(1) << np.arange(FRAMES_PER_WORD, dtype=np.uint32)[:, None]
+    starts = range(0, frames, FRAMES_PER_WORD)
+    parts = [bits[start : start + FRAMES_PER_WORD] for start in starts]
+    words = np.stack([(part * powers[: len(part)]).sum(0, dtype=np.uint32) for part in parts])
+    np.testing.assert_array_equal(frames_of(words, frames), bits)
