@@ -9,13 +9,12 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
 from ._camera import Cameras
-from ._camera_step import OneSided, camera_step, noise_of
+from ._camera_step import camera_step, noise_of
 from ._coherence import NOTHING, Sensitivity, sensitivity
 from ._contacts import Contacts, find_contacts
 from ._distance_images import DistanceImages, distance_images
 from ._epipolar_tangents import ConvexOutlines, convex_outlines, epipolar_tangents, tangent_sensitivity
 from ._extrinsics import ExtrinsicChange, changed, no_change
-from ._frontier import fit_frontier
 from ._placement import body_middles
 from ._recording import Recording
 from ._sight_lines import SightLines, sight_lines
@@ -26,11 +25,8 @@ FRAMES = 60
 """Frames that are used by default: the errors of their masks are independent, those of more rays of a frame are not."""
 _RAYS = 300  # of a view: every fifth point of the outline of a person who is 400 px tall
 _ROUNDS = 20
-# So many rounds are taken at their word. After that others of many places that are as good are looked up in each round,
-# and steps get shorter: the rig ends in their middle.
-_WHOLE = 4
-# The search ends where a round would change no unknown by more than this part of its standard deviation.
-_CHANGE = 0.1
+# The search ends where no unknown changes by more than this part of its prior's standard deviation.
+_CHANGE = 0.03
 # Distances reach as far as an error of this many of the prior's standard deviations moves a silhouette.
 _SIGMAS = 4.0
 # A camera whose rotation is known no better than this, in units of the prior's, was hardly seen. (What the silhouettes
@@ -68,11 +64,9 @@ def refine_cameras(
     """Turn and move cameras until silhouettes agree.
 
     Every outline's ray must touch the hull of the other views, and a plane through two optical centres that touches one
-    view's silhouette must touch the other's. In each round the places where rays come nearest to the other silhouettes
-    are looked up, and the outermost planes. Residuals (px) are linear in the extrinsics then, and those are found for
-    which the residuals and the prior are most probable together. Those of planes are noise; those of rays noise minus
-    a depth in the hull, where many views make it tight, and evidence only where they are positive, where it is wide.
-    Intrinsics and distortion stay.
+    view's silhouette must touch the other's. Robust Gauss-Newton: in each round the places where rays come nearest to
+    the other silhouettes are looked up, and the outermost planes; the positive residuals (px) of rays and all residuals
+    (px) of planes, linear in the extrinsics, are brought down together with the prior. Intrinsics and distortion stay.
     The silhouettes cannot tell a rigid motion or a scale of the whole rig: the prior keeps it where it is. Compare rigs
     by [`compare_rigs`][jaxskel.compare_rigs].
 
@@ -102,19 +96,16 @@ def refine_cameras(
     unknowns, spread, converged = np.zeros((len(given), 6)), np.ones((len(given), 6)), False
     rig, found = given, outlines.seen_by(given)
     before = outlines.missed(found)
-    for count in range(_ROUNDS):
+    for _ in range(_ROUNDS):
         apart, there = outlines.apart_in(rig)
-        frontier = fit_frontier(found.value[found.value > NOTHING])
-        evidence = frontier if frontier.tight else OneSided(np.array(noise_of(found.value[found.value > 0])))
-        noise = np.array(noise_of(np.abs(apart.value[there])))
+        noise = np.array([noise_of(found.value[found.value > 0]), noise_of(np.abs(apart.value[there]))])
         # The prior holds what the silhouettes cannot tell so weakly that single precision would lose it.
         with jax.enable_x64(True):
-            step = jax.tree.map(np.asarray, camera_step(found, apart, unknowns, units, evidence, noise))
-        change, spread = step.unknowns - unknowns, step.spread
-        unknowns = unknowns + change * min(1.0, _WHOLE / (count + 1))
+            step = jax.tree.map(np.asarray, camera_step(found, apart, unknowns, units, noise))
+        change, unknowns, spread = np.abs(step.unknowns - unknowns).max(), step.unknowns, step.spread
         rig = _moved(given, unknowns * units)
         found = outlines.seen_by(rig)
-        if (np.abs(change) < _CHANGE * spread).all():
+        if change < _CHANGE:
             converged = True
             break
     total = unknowns * units
