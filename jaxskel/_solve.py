@@ -104,10 +104,11 @@ class Model(eqx.Module):
 def make_model(body: Body) -> Model:
     """Prepare a subject for the search."""
     body = single_precision(body)
-    # Arms far thinner than nothing are nearest to no point and stick out of no hull: the same shapes with and without.
+    # The arms' balls are still there, for terms that look at them, but far thinner than nothing: they touch nothing.
     arms = limb_capsules("l_arm", "r_arm")
-    balls = np.setdiff1d(LINKS[arms], LINKS[~arms])
-    armless = eqx.tree_at(lambda b: b.radii, body, np.where(np.isin(np.arange(len(BALL_NAMES)), balls), -9, body.radii))
+    balls = np.isin(np.arange(len(BALL_NAMES)), np.setdiff1d(LINKS[arms], LINKS[~arms]))
+    radii = np.where(balls, -9, body.radii)
+    armless = Body(body.skeleton, body.segments, np.asarray(body.offsets), radii, LINKS[~arms])
     limbs = {name: Limb(name, (arm_table if name in _ARMS else leg_table)(body.skeleton, name[0])) for name in _LIMBS}
     return Model(body, single_precision(armless), limbs)
 

@@ -122,6 +122,19 @@ def test_limbs_that_are_freed_are_found_again(filmed, names):
 # Fitting
 
 
+def test_without_arms_it_is_as_if_they_were_far_thinner_than_nothing(filmed):
+    """The first steps of a search do without arms; costs and steps stay those of the whole body."""
+    arms = [name[2:] in ("shoulder", "elbow", "forearm", "wrist", "palm", "finger") for name in BALL_NAMES]
+    thin = eqx.tree_at(lambda b: b.radii, BODY, np.where(arms, -9.0, BODY.radii))
+    truth, armless = some(filmed.truth, [1, 4, 7]), make_model(BODY).armless
+    moved = Pose(truth.root[:, None] + 0.03, truth.rotations[:, None])
+    seen = some(filmed.observed, [1, 4, 7])
+    ours, theirs = (fit_poses(body, moved, seen, fit_scales((0.05, 3))) for body in (armless, thin))
+    assert len(armless.links) < len(BODY.links)
+    np.testing.assert_allclose(ours.cost, theirs.cost, rtol=1e-3)
+    np.testing.assert_allclose(joints_of(ours.best), joints_of(theirs.best), atol=1e-4)
+
+
 def test_without_steps_poses_are_only_ordered(filmed):
     # Seven hypotheses of nine frames: neither fills its chunks.
     frames, rng = np.array([0, 1, 2, 3, 4, 5, 6, 7, 0]), np.random.default_rng(0)

@@ -4,7 +4,7 @@ A term is an `AbstractTerm`: a Module with a weight and a `residual`. What it ne
 it looks up in `correspond`, once before each inner solve, so that the solver sees a smooth function.
 """
 
-from .._body import Body
+from .._body import LINKS, Body
 from ._arm_collision import ArmCollision as ArmCollision
 from ._base import AbstractCoupling as AbstractCoupling
 from ._base import AbstractTerm as AbstractTerm
@@ -52,12 +52,13 @@ def volume_objective(body: Body) -> Objective:
 
     Needs ``observed.contours`` and ``observed.silhouettes``; uses no labels of the graph, so it needs a pose to start
     from in which each limb is nearer to its own part of the outlines than to another. Weights as in `paper_objective`:
-    the cost of a well explained frame is of the order of ten.
+    the cost of a well explained frame is of the order of ten. A capsule counts the same in a body that lacks others.
     """
+    whole = len(body.links) / len(LINKS)
     return Objective(
         {
             "contours": ContourContact(body=body, weight=1.2e5),
-            "inside": InsideSilhouettes(body=body, weight=7e4),
+            "inside": InsideSilhouettes(body=body, weight=7e4 * whole),
             "collision": ArmCollision(body=body, weight=800.0),
             "hinges": HingeLimits(skeleton=body.skeleton, weight=40.0),
             "rest": RestPrior(
