@@ -2,7 +2,7 @@
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Array, Bool, Float, UInt8
+from jaxtyping import Array, Bool, Float, Int, UInt8
 
 from ._camera import Cameras, rays
 from ._views import person_box, unpacked_box
@@ -49,25 +49,29 @@ def contours(
     found = Contours(*(np.full((len(silhouettes), count, 3), np.nan, np.float32) for _ in range(2)))
     for frame in range(len(silhouettes)):
         views = [
-            (centres[camera], _rays(silhouettes[frame, camera], cameras, int(camera)))
+            (int(camera), _one_to_one(silhouettes[frame, camera], cameras, int(camera)))
             for camera in np.flatnonzero(~lost[frame])
         ]
-        views = [(centre, directions) for centre, directions in views if len(directions)]
+        views = [(camera, points) for camera, points in views if len(points)]
         shares = np.diff(np.linspace(0, count, len(views) + 1).astype(int)) if views else []
         first = 0
-        for (centre, directions), share in zip(views, shares, strict=True):
-            chosen = np.resize(np.random.default_rng(0).permutation(len(directions))[:share], share)
-            found.centres[frame, first : first + share] = centre
-            found.directions[frame, first : first + share] = directions[chosen]
+        for (camera, points), share in zip(views, shares, strict=True):
+            chosen = np.random.default_rng(0).permutation(len(points))[:share]
+            found.centres[frame, first : first + share] = centres[camera]
+            found.directions[frame, first : first + share] = np.resize(
+                rays(cameras, camera, points[chosen]), (share, 3)
+            )
             first += share
     return found
 
 
-def _rays(packed: UInt8[np.ndarray, "h w8"], cameras: Cameras, camera: int) -> Float[np.ndarray, "n 3"]:
-    """Directions of all points of an outline that the lens shows one-to-one."""
+def _one_to_one(packed: UInt8[np.ndarray, "h w8"], cameras: Cameras, camera: int) -> Float[np.ndarray, "n 2"]:
+    """All points of an outline (px) that the lens shows one-to-one."""
     width, height = cameras.size[camera]
-    directions = rays(cameras, camera, outline(packed[:height], int(width)))
-    return directions[np.isfinite(directions).all(1)]
+    points = outline(packed[:height], int(width))
+    if not np.asarray(cameras.dist)[camera].any():
+        return points
+    return points[np.isfinite(rays(cameras, camera, points)).all(1)]
 
 
 def outline(packed: UInt8[np.ndarray, "h w8"], width: int) -> Float[np.ndarray, "n 2"]:
@@ -78,7 +82,11 @@ def outline(packed: UInt8[np.ndarray, "h w8"], width: int) -> Float[np.ndarray, 
     top, bottom, left, right = box
     top, left = max(top - 1, 0), max(left - 1, 0)
     near = unpacked_box(packed, top, bottom + 1, left, min(right + 1, width))
-    v, u = np.nonzero(near[:, 1:] ^ near[:, :-1])
-    beside = np.stack([u + 0.5, v], 1)
-    v, u = np.nonzero(near[1:] ^ near[:-1])
-    return np.concatenate([beside, np.stack([u, v + 0.5], 1)]) + [left, top]
+    beside, below = _places(near[:, 1:] ^ near[:, :-1]), _places(near[1:] ^ near[:-1])
+    return np.concatenate([beside + [left + 0.5, top], below + [left, top + 0.5]])
+
+
+def _places(there: Bool[np.ndarray, "rows columns"]) -> Int[np.ndarray, "n 2"]:
+    """Column and row of what is true. In one row of numbers it is found several times as fast."""
+    v, u = np.divmod(np.flatnonzero(there), there.shape[1])
+    return np.stack([u, v], 1)

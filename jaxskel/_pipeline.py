@@ -38,7 +38,7 @@ from ._refine import Refined, refine_frames
 from ._settings import Settings
 from ._skeleton import Pose, Skeleton
 from ._solve import Search, dear, make_model, solve_frames
-from ._stacks import padded, single_precision, taken
+from ._stacks import filled, on_device, padded, single_precision, taken
 from ._starts import graphless_poses, start_poses
 from ._track import Proposed, Track, track_frames
 from .terms import Objective, Observed
@@ -176,6 +176,7 @@ class Start(NamedTuple):
 
     poses: Pose
     observed: Observed
+    """On the device, filled up as `on_device` does."""
     plausible: Bool[np.ndarray, " frames"]
     sides: Float[np.ndarray, " frames"]
     confidence: Callable[[Refined], Float[np.ndarray, "frames joints=15"]]
@@ -196,7 +197,7 @@ def _by_graph(work: Work) -> Start:
         return joint_confidence(np.asarray(refined.joints), np.asarray(refined.tips), limbs, skeleton)
 
     poses = initial_poses(limbs, facing, skeleton)
-    return Start(poses, observed_graph(limbs), _plausible(graphs, limbs, skeleton), sides, confidence)
+    return Start(poses, on_device(observed_graph(limbs)), _plausible(graphs, limbs, skeleton), sides, confidence)
 
 
 def _by_search(work: Work, search: Search, fps: float, track: Track | None) -> tuple[Start, Track | None]:
@@ -216,6 +217,7 @@ def _by_search(work: Work, search: Search, fps: float, track: Track | None) -> t
         observed = observed_volume(
             limbs, seen, work.silhouettes, work.cameras, middles, prepared.max_misses, objective.needs_hull
         )
+        observed = on_device(observed)
     fallback = graphless_poses(middles, prepared.skeleton)
     costs, model = prepared.costs, make_model(prepared.body)
     search = search.relative_to(None if costs is None else costs.low)
@@ -239,7 +241,7 @@ def _refined(
     count = len(initial.root)
     refined = refine_frames(
         single_precision(objective), settings.parametrisation, settings.solver, single_precision(prepared.skeleton),
-        padded(initial, BATCH), padded(observed, BATCH), settings.rounds, settings.max_steps,
+        filled(initial), observed, settings.rounds, settings.max_steps,
     )  # fmt: skip
     return jax.tree.map(lambda a: np.asarray(a)[:count], refined)
 
@@ -247,7 +249,7 @@ def _refined(
 def _unexplained(poses: Pose, observed: Observed, body: Body) -> Float[np.ndarray, " frames"]:
     """Share of the outlines that lie outside of the body, and not near it."""
     assert observed.contours is not None
-    shares = unexplained_shares(single_precision(body), padded(poses, BATCH), padded(observed.contours, BATCH))
+    shares = unexplained_shares(single_precision(body), filled(poses), observed.contours)
     return np.asarray(shares)[: len(poses.root)]
 
 

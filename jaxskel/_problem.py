@@ -1,5 +1,7 @@
 """The refinement as a problem of its own: for notebooks that swap objectives."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import numpy as np
@@ -13,7 +15,7 @@ from ._prepared import Prepared
 from ._recording import Recording
 from ._settings import Settings
 from ._skeleton import Pose, Skeleton
-from ._stacks import single_precision
+from ._stacks import single_precision, taken
 from .terms import Observed
 
 
@@ -60,12 +62,14 @@ def refinement_problem(
         raise ValueError(f"{recording.name}: no frame shows one whole person; see `jaxskel check`")
     chosen = np.concatenate(frames)
     truth = None if recording.truth is None else recording.truth.joints[chosen] @ prepared.to_z_up.T
-    initial, observed = _joined([(start.poses, start.observed) for start in starts])
+    initial = _joined([start.poses for start in starts])
+    # What was observed is filled up to whole batches.
+    observed = _joined([taken(start.observed, np.arange(len(start.poses.root))) for start in starts])
     skeleton, body = single_precision((prepared.skeleton, prepared.body))
     return RefinementProblem(chosen, initial, observed, skeleton, body, truth)
 
 
-def _joined(stacks: list[tuple[Pose, Observed]]) -> tuple[Pose, Observed]:
+def _joined(stacks: list[Any]) -> Any:
     """Stacks of frames one after the other, in single precision and on the device."""
     joined = jax.tree.map(lambda *parts: np.concatenate([np.asarray(part) for part in parts]), *stacks)
     return jax.device_put(single_precision(joined))

@@ -15,6 +15,7 @@ from jaxtyping import Array, Bool, Float, Int, UInt8
 
 from ._camera import Cameras, in_cameras, lens_slopes, on_images, project
 from ._computed_once import computed_once
+from ._stacks import aligned
 from ._views import person_box, unpacked_box
 
 T = TypeVar("T")
@@ -180,11 +181,14 @@ def silhouette_distances(
     width = 8 * silhouettes.shape[3]
     step = -(-max(height, width) // _MOST_CELLS)
     shape = (frames, views, -(-height // step), -(-width // step))
-    values = np.full(shape, _LOST, np.float32)
+    values = aligned(shape)
+    values[~lost], values[lost] = _FARTHEST, _LOST
     for frame, view in zip(*np.nonzero(~lost), strict=True):
         right, low = cameras.size[view].tolist()
-        cells = signed_distances(silhouettes[frame, view, :low], right, step)
-        values[frame, view, : len(cells), : cells.shape[1]] = cells
+        rows, columns = -(-low // step), -(-right // step)
+        own = values[frame, view]
+        own[rows:], own[:, columns:] = _LOST, _LOST  # beyond an image that is smaller than others
+        _write_distances(own[:rows, :columns], silhouettes[frame, view, :low], right, step, _FARTHEST)
     stacked = jax.tree.map(lambda a: np.broadcast_to(a, (frames, *a.shape)), cameras)
     return SilhouetteDistances(values, np.full(frames, step, np.float32), stacked, np.full(frames, misses, np.int32))
 
@@ -201,25 +205,42 @@ def signed_distances(
         farthest: No distance is larger.
         fine: Outlines run between the pixels without their stairs, which takes twice the time.
     """
-    height, width = -(-len(packed) // step), -(-across // step)
-    found = np.full((height, width), farthest, np.float32)
-    box = person_box(packed)
+    found = np.full((-(-len(packed) // step), -(-across // step)), farthest, np.float32)
+    _write_distances(found, packed, across, step, farthest, fine)
+    return found
+
+
+def _write_distances(
+    found: Float[np.ndarray, "rows columns"],
+    packed: UInt8[np.ndarray, "h w8"],
+    across: int,
+    step: int,
+    farthest: int,
+    fine: bool = False,
+) -> None:
+    """`signed_distances` into an array that holds `farthest` everywhere: most of it stays as it is."""
+    (height, width), box = found.shape, person_box(packed)
     if box is None:
-        return found
+        return
     top, left = (max(first - farthest, 0) // step for first in (box[0], box[2]))
     bottom, right = (min((end - 1 + farthest) // step + 1, n) for end, n in ((box[1], height), (box[3], width)))
     near = unpacked_box(packed, step * top, step * bottom, step * left, min(step * right, across)).view(np.uint8)
     # A person who is cut off by the edge of the image goes on there, also where the last cell is not whole.
     beyond = step * (bottom - top) - near.shape[0], step * (right - left) - near.shape[1]
     near = cv2.copyMakeBorder(near, 0, beyond[0], 0, beyond[1], cv2.BORDER_REPLICATE)
+    away = 1 - near
+    signed = cv2.distanceTransform(away, cv2.DIST_L2, 3)
+    # Inside, nothing counts that is farther out than the next pixel.
+    left_most, top_most, wide, high = cv2.boundingRect(near)
+    own = slice(max(top_most - 1, 0), top_most + high + 1), slice(max(left_most - 1, 0), left_most + wide + 1)
+    signed[own] -= cv2.distanceTransform(np.ascontiguousarray(near[own]), cv2.DIST_L2, 3)
     # Half-way between two pixels the distance is zero.
-    signed = cv2.distanceTransform(1 - near, cv2.DIST_L2, 3) - cv2.distanceTransform(near, cv2.DIST_L2, 3)
-    signed = np.minimum(signed - 0.5 * np.sign(signed), farthest)
+    signed = cv2.addWeighted(signed, 1, away, -1, 0.5, dtype=cv2.CV_32F)
+    signed = np.minimum(signed, farthest, out=signed)
     if fine:
         signed = _without_stairs(near, signed)
     size = (right - left, bottom - top)
     found[top:bottom, left:right] = cv2.resize(signed, size, interpolation=cv2.INTER_AREA)
-    return found
 
 
 def _without_stairs(person: UInt8[np.ndarray, "h w"], signed: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:

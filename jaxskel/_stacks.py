@@ -12,6 +12,8 @@ def single_precision(tree: Any) -> Any:
     return jax.tree.map(lambda a: a if a.dtype.kind in "bi" else np.asarray(a, np.float32), tree)
 
 
+# Memory that begins at a multiple of so many bytes is used by XLA where it is.
+_ALIGNED = 64
 STACK = 32
 """Stacks on the device are filled up to a multiple of this, so that few shapes are compiled."""
 
@@ -20,6 +22,17 @@ def step_above(count: int) -> int:
     """A number that is not less, and at most a quarter more: four to each power of two, so few shapes are compiled."""
     step = max(1, 2 ** (count.bit_length() - 3))
     return -(-count // step) * step
+
+
+def aligned(shape: tuple[int, ...], kind: Any = np.float32) -> np.ndarray:
+    """An array, not filled yet, where JAX on a processor takes it as it is instead of copying it.
+
+    It must not change any more once JAX has it.
+    """
+    size = int(np.prod(shape)) * np.dtype(kind).itemsize
+    memory = np.empty(size + _ALIGNED, np.uint8)
+    start = -memory.ctypes.data % _ALIGNED
+    return memory[start : start + size].view(kind).reshape(shape)
 
 
 def taken(tree: Any, index: Int[np.ndarray, "*some"] | Bool[np.ndarray, "*all"]) -> Any:
@@ -33,8 +46,9 @@ def padded(tree: Any, length: int) -> Any:
     def pad(a: np.ndarray) -> np.ndarray:
         if len(a) == length:
             return a
-        filler = np.zeros((1, *a.shape[1:]), a.dtype) if len(a) == 0 else a[:1]
-        return np.concatenate([a, np.repeat(filler, length - len(a), 0)])
+        filled = aligned((length, *a.shape[1:]), a.dtype)
+        filled[: len(a)], filled[len(a) :] = a, a[0] if len(a) else 0
+        return filled
 
     return jax.tree.map(pad, single_precision(tree))
 

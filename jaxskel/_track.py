@@ -92,7 +92,7 @@ def track_frames(
         Two hypotheses for each frame, the chosen one first; how sure left and right are, by the last search; and the
         track to go on with.
     """
-    count = len(observed.neck)
+    count = len(fallback.root)
     every = max(1, round(tracking.interval * fps))
     since = every if track is None else track.since
     searched = np.flatnonzero((np.arange(count) + 1 + since) % every == 0) if every > 1 else np.arange(count)
