@@ -24,7 +24,8 @@ from .terms import AbstractTerm, ArmCollision, ContourContact, InsideSilhouettes
 
 _Term = TypeVar("_Term", bound=AbstractTerm)
 
-# How many poses of the table go on: those inside the hull, of these those outside of the trunk, of these the best.
+# How many poses of the table go on: those with the upper bone inside the hull, of these those that are inside of it
+# and outside of the trunk, of these the best.
 _INSIDE, _OUTSIDE, _BEST = 1600, 400, 64
 # Unexplained rays that the poses are scored on.
 _RAYS = 256
@@ -107,29 +108,31 @@ def score_limb(
     parent, upper = (_segment(limb, part) for part in (0, 1))
     origin, turned = placed.origins[upper], placed.rotations[parent]
     radii = _radii(body, limb)
-    uppers, lowers, direction = (
-        jnp.asarray(a) for a in (limb.table.upper_points, limb.table.lower_points, limb.table.direction)
+    directions, uppers, lowers = (
+        jnp.asarray(a) for a in (limb.table.direction, limb.table.upper_points, limb.table.lower_points)
     )
-    uppers, lowers = (origin[None, None] + points @ turned.T for points in (uppers, lowers))
+    uppers = origin[None, None] + uppers @ turned.T
 
     def outside(points: Float[Array, "poses points 3"], radii: Float[Array, " points"]) -> Float[Array, " poses"]:
         away = silhouettes.near(points.reshape(-1, 3))
         costs = inside.costs(away, jnp.tile(radii, len(points)), jnp.asarray(silhouettes.misses))
         return _SAMPLES * inside.weight / (len(body.links) * 3) * costs.reshape(len(points), -1).sum(1)
 
-    cost, index = _cheapest(outside(uppers, radii[:2])[direction] + outside(lowers, radii[2:]), _INSIDE)
+    # There are few directions of the upper bone: those that leave the hull are not worth a look at the rest.
+    upper_cost, index = _cheapest(outside(uppers, radii[:2])[directions], _INSIDE)
+    lowers = origin[None, None] + lowers[index] @ turned.T
+    uppers = uppers[directions[index]]
+    cost = upper_cost + outside(lowers, radii[2:])
     if limb.kind == "arm":
         ends, capsule_radii = _capsules(
             body, capsule_ends(body, placed.origins, placed.rotations), ~limb_capsules("l_arm", "r_arm") & ~_GIRDLE
         )
-        low = jnp.concatenate([uppers[direction[index], 1:], lowers[index]], 1).reshape(-1, 3)
+        low = jnp.concatenate([uppers[:, 1:], lowers], 1).reshape(-1, 3)
         _, distance = nearest_capsule(low, ends, capsule_radii)
         depth = jnp.maximum(collision.share * radii[None, 1:] - distance.reshape(-1, 4), 0.0)
         cost = cost + collision.weight * jnp.minimum(depth**2, collision.limit**2).sum(1)
     cost, best = _cheapest(cost, _OUTSIDE)
-    index = index[best]
-
-    chosen = jnp.concatenate([uppers[direction[index]], lowers[index]], 1)
+    index, chosen = index[best], jnp.concatenate([uppers[best], lowers[best]], 1)
     tip = chosen[:, 4] + 0.5 * (chosen[:, 4] - chosen[:, 3])
     starts = jnp.stack([jnp.broadcast_to(origin, tip.shape), chosen[:, 1], chosen[:, 3]], 1)
     stops = jnp.stack([chosen[:, 1], chosen[:, 3], tip], 1)
