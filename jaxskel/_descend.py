@@ -7,6 +7,7 @@ the same steps whatever its members do. The pose that wins is handed to the solv
 import jax
 import jax.numpy as jnp
 
+from ._limb_blocks import normal_equations
 from ._skeleton import Pose, Skeleton
 from .parametrisations import HingedLimbs
 from .terms import CapsuleTerm, Objective, Observed, place
@@ -26,25 +27,20 @@ def descend(
     others = Objective({name: term for name, term in objective.terms.items() if not isinstance(term, CapsuleTerm)})
     fixed = others.correspond(placed, observed)
     value, tangent = jax.linearize(lambda body: others.residuals(body, observed, fixed), placed)
-    changes = jax.vmap(tangent)(motion.of_body(placed))
+    changes = jax.vmap(tangent, -1, -1)(motion.of_body(placed))
 
     count = len(motion.turns)
-    matrix, gradient = jnp.zeros((count, count)), jnp.zeros(count)
-    for name, change in changes.items():
-        rows = change.reshape(count, -1)
-        matrix, gradient = matrix + rows @ rows.T, gradient + rows @ value[name].ravel()
+    # One product of long rows instead of one for each term.
+    rows = jnp.concatenate([jnp.zeros((0, count)), *(change.reshape(-1, count) for change in changes.values())])
+    residuals = jnp.concatenate([jnp.zeros(0), *(value[name].ravel() for name in changes)])
+    matrix, gradient = rows.T @ rows, rows.T @ residuals
     for terms in _by_body([term for term in objective.terms.values() if isinstance(term, CapsuleTerm)]):
         ends, body = terms[0].ends(placed), terms[0].body
-        # Six rows of capsules for each unknown: what their two ends do along x, y and z.
-        parts = [part for end in (0, 1) for part in motion.of_points(ends[:, end], body.segments[body.links[:, end]])]
         quadrics = [(term.weight, term.quadrics(placed, observed)) for term in terms]
         inner = sum((weight * each.matrix for weight, each in quadrics), jnp.zeros(()))
         pull = sum((weight * each.vector for weight, each in quadrics), jnp.zeros(()))
-        # Written out by components: rows of capsules are long enough for a processor, small matrices are not.
-        pulled = [sum(part * inner[None, :, i, j] for j, part in enumerate(parts)) for i in range(6)]
-        across = jnp.concatenate(parts, 1)
-        matrix = matrix + jnp.concatenate(pulled, 1) @ across.T
-        gradient = gradient - across @ pull.T.ravel()
+        more, slope = normal_equations(motion, ends, body.segments[body.links], inner, pull)
+        matrix, gradient = matrix + more, gradient + slope
     damped = matrix + jnp.diag(_DAMPING + _RELATIVE_DAMPING * jnp.diagonal(matrix))
     unknowns = -jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(damped, lower=True), gradient)
     return parametrisation.moved(jnp.clip(unknowns, -_REACH, _REACH), pose, skeleton)

@@ -155,12 +155,17 @@ def test_motion_is_the_derivative_of_the_placed_body():
         expected = jax.jit(jax.jacfwd(lambda u: place(skeleton, hinged.moved(u, base, skeleton))))(jnp.zeros(42))
         for name in ("joints", "tips", "rotations", "origins"):
             found = getattr(motion.of_body(placed), name)
-            np.testing.assert_allclose(jnp.moveaxis(found, 0, -1), getattr(expected, name), atol=1e-9)
+            np.testing.assert_allclose(found, getattr(expected, name), atol=1e-9)
         # And of points that are no joints.
         centres = ball_centres(body, placed.origins, placed.rotations)
         expected = ball_centres(body, *(jnp.moveaxis(a, -1, 0) for a in (expected.origins, expected.rotations)))
-        found = jnp.stack(motion.of_points(centres, body.segments), -1)
-        np.testing.assert_allclose(found, expected, atol=1e-9)
+        found = motion.of_points(centres, body.segments)
+        np.testing.assert_allclose(jnp.moveaxis(found, -1, 0), expected, atol=1e-9)
+        # Stacks of some unknowns, each at points of its own.
+        some, where = np.array([[3, 40], [20, 0]], np.int32), np.array([[5, 1, 30], [36, 12, 5]], np.int32)
+        stacked = motion.some(some).of_points(centres[where], body.segments[where])
+        for one, unknowns, points in zip(stacked, some, where, strict=True):
+            np.testing.assert_allclose(one, found[points][:, :, unknowns], atol=1e-12)
 
 
 @every

@@ -3,7 +3,7 @@
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from .._skeleton import JOINT_OF_PIVOT, SEGMENT_NAMES, SEGMENT_OF_JOINT, SEGMENT_OF_PIVOT, SEGMENT_OF_TIP
 from ..terms import PlacedBody
@@ -20,33 +20,42 @@ class Motion(eqx.Module):
     A point x of a turned segment moves by d x (x - p) with the rotation vector d and the pivot p.
     """
 
-    turns: Float[Array, "unknowns 3"]
+    turns: Float[Array, "*stack unknowns 3"]
     """Rotation vector for one unit of each unknown, in the world (rad); zero for those that shift."""
-    pivots: Float[Array, "unknowns 3"]
+    pivots: Float[Array, "*stack unknowns 3"]
     """A point of each axis (m)."""
-    shifts: Float[np.ndarray, "unknowns 3"]
+    shifts: Float[np.ndarray, "*stack unknowns 3"]
     """(m) for one unit of each unknown."""
-    moves: Float[np.ndarray, "unknowns segments=17"]
+    moves: Float[np.ndarray, "*stack unknowns segments=17"]
     """One where a segment is turned by an unknown, else zero."""
 
+    def some(self, unknowns: Int[np.ndarray, "*stack some"]) -> "Motion":
+        """Some of the unknowns, or stacks of some."""
+        return Motion(self.turns[unknowns], self.pivots[unknowns], self.shifts[unknowns], self.moves[unknowns])
+
+    def moves_any(self, segments: Int[np.ndarray, "things some"]) -> Bool[np.ndarray, "unknowns things"]:
+        """Which unknowns move any of the segments of each of some things."""
+        return (self.moves[:, segments] > 0).any(2) | (self.shifts != 0).any(1)[:, None]
+
     def of_points(
-        self, points: Float[Array, "points 3"], segments: Int[np.ndarray, " points"]
-    ) -> tuple[Float[Array, "unknowns points"], ...]:
-        """How points (m) of some segments begin to move, by x, y and z: long rows, not triples."""
-        x, y, z = (points[None, :, axis] - self.pivots[:, axis, None] for axis in range(3))
-        a, b, c = (self.turns[:, axis, None] for axis in range(3))
-        moved = jnp.asarray(self.moves[:, segments])
-        across = b * z - c * y, c * x - a * z, a * y - b * x
-        return tuple(moved * part + self.shifts[:, axis, None] for axis, part in enumerate(across))
+        self, points: Float[Array, "*stack points 3"], segments: Int[np.ndarray, "*stack points"]
+    ) -> Float[Array, "*stack points 3 unknowns"]:
+        """How points (m) of some segments begin to move: long rows of unknowns, not triples."""
+        turns, pivots, shifts = (a.swapaxes(-1, -2)[..., None, :, :] for a in (self.turns, self.pivots, self.shifts))
+        moves = np.take_along_axis(self.moves, segments[..., None, :], -1).swapaxes(-1, -2)[..., None, :]
+        a, b, c = (turns[..., axis, :] for axis in range(3))
+        x, y, z = (points[..., axis, None] - pivots[..., axis, :] for axis in range(3))
+        return jnp.stack([b * z - c * y, c * x - a * z, a * y - b * x], -2) * moves + shifts
 
     def of_body(self, placed: PlacedBody) -> PlacedBody:
-        """How the skeleton begins to move, with a leading axis ``unknowns``."""
-        turns = jnp.asarray(self.moves)[:, :, None] * self.turns[:, None]
-        columns = jnp.cross(turns[:, :, None], placed.rotations.swapaxes(1, 2)[None])
+        """How the skeleton begins to move, with a last axis ``unknowns``."""
+        turns = self.turns.T[None] * jnp.asarray(self.moves.T)[:, None]
+        a, b, c = (turns[:, axis, None] for axis in range(3))
+        x, y, z = (placed.rotations[:, axis, :, None] for axis in range(3))
         changes = (
-            jnp.stack(self.of_points(placed.joints, _CARRIERS), -1),
-            jnp.stack(self.of_points(placed.tips, _TIPS), -1),
-            columns.swapaxes(2, 3),
-            jnp.stack(self.of_points(placed.origins, _SEGMENTS), -1),
+            self.of_points(placed.joints, _CARRIERS),
+            self.of_points(placed.tips, _TIPS),
+            jnp.stack([b * z - c * y, c * x - a * z, a * y - b * x], 1),
+            self.of_points(placed.origins, _SEGMENTS),
         )
         return eqx.tree_at(lambda b: (b.joints, b.tips, b.rotations, b.origins), placed, changes)

@@ -34,8 +34,11 @@ class HingeLimits(AbstractTerm):
         upper = rest[_HINGE_JOINT] - rest[_UPPER_JOINT]
         lower = jnp.asarray(self.skeleton.pivots) - rest[_HINGE_JOINT]
         axis = jnp.asarray(hinge_axes(self.skeleton))
-        turn = jnp.einsum("hji,hjk->hik", body.rotations[_UPPER], body.rotations[_LOWER])
-        bone = jnp.einsum("hij,hj->hi", turn, lower / jnp.linalg.norm(lower, axis=-1, keepdims=True))
+        # Written out: the compiler is slow at many small products, of which a solver's tangents make more.
+        bone = lower / jnp.linalg.norm(lower, axis=-1, keepdims=True)
+        lower_turn, upper_turn = body.rotations[_LOWER], body.rotations[_UPPER]
+        bone = sum((lower_turn[:, :, k] * bone[:, k, None] for k in range(3)), jnp.zeros(()))
+        bone = sum((upper_turn[:, k] * bone[:, k, None] for k in range(3)), jnp.zeros(()))
         along = upper / jnp.linalg.norm(upper, axis=-1, keepdims=True)
         forward = jnp.cross(axis, along)
         flexion = jnp.arctan2((bone * forward).sum(-1), (bone * along).sum(-1))
