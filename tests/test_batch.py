@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from hypothesis import strategies as st
 
 from jaxskel import paper_settings
 from jaxskel.batch import Finished, Method, Outcome, Progress, Source, read_manifest, read_results
-from jaxskel.batch._workers import work_on
+from jaxskel.batch._workers import _deaf, work_on
 from jaxskel.io import read_poses, write_recording
 from jaxskel.synthetic import camera_ring, make_scene
 
@@ -131,6 +132,22 @@ def test_ended_by_a_scheduler_or_a_person_it_says_how_to_go_on(data, compiled, t
         assert run.returncode == 130
         assert "interrupted; the same command goes on from here" in told
         assert "Traceback" not in told
+
+
+def test_a_signal_that_another_thread_takes_waits_for_the_start_of_a_process():
+    go, over = threading.Event(), []
+    other = threading.Thread(target=lambda: (go.wait(), signal.raise_signal(signal.SIGINT)))
+    other.start()
+
+    def start() -> None:
+        with _deaf():
+            go.set()
+            other.join()
+            over.append(True)
+
+    with pytest.raises(KeyboardInterrupt):
+        start()
+    assert over == [True]
 
 
 DEAF = """

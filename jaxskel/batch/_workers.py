@@ -138,12 +138,23 @@ def _deaf() -> Iterator[None]:
         yield
         return
     resource_tracker.ensure_running()  # started later, within, it would let the first two through again
-    names = ("SIGINT", "SIGTERM", "SIGHUP", "SIGUSR1", "SIGUSR2")
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, [getattr(signal, name) for name in names])
+    numbers = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGUSR1", "SIGUSR2")]
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, numbers)
+    # Another thread may take a signal all the same, and Python would handle it here, in the middle of a start.
+    came: list[int] = []
+    handlers = {}
+    if threading.current_thread() is threading.main_thread():
+        handlers = {number: signal.getsignal(number) for number in numbers if callable(signal.getsignal(number))}
+    for number in handlers:
+        signal.signal(number, lambda number, _: came.append(number))
     try:
         yield
     finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        for number in came:
+            signal.raise_signal(number)
 
 
 def _work(core: int, given: bytes, pipe: Connection, alive: Connection) -> None:
