@@ -1,5 +1,7 @@
 """What the silhouettes' outlines say to a body with volume: viewing rays that graze it."""
 
+from collections.abc import Callable
+
 import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt8
@@ -49,29 +51,31 @@ def contours(
     found = Contours(*(np.full((len(silhouettes), count, 3), np.nan, np.float32) for _ in range(2)))
     for frame in range(len(silhouettes)):
         views = [
-            (int(camera), _one_to_one(silhouettes[frame, camera], cameras, int(camera)))
+            (centres[camera], *_rays(silhouettes[frame, camera], cameras, int(camera)))
             for camera in np.flatnonzero(~lost[frame])
         ]
-        views = [(camera, points) for camera, points in views if len(points)]
+        views = [(centre, points, at) for centre, points, at in views if points]
         shares = np.diff(np.linspace(0, count, len(views) + 1).astype(int)) if views else []
         first = 0
-        for (camera, points), share in zip(views, shares, strict=True):
-            chosen = np.random.default_rng(0).permutation(len(points))[:share]
-            found.centres[frame, first : first + share] = centres[camera]
-            found.directions[frame, first : first + share] = np.resize(
-                rays(cameras, camera, points[chosen]), (share, 3)
-            )
+        for (centre, points, at), share in zip(views, shares, strict=True):
+            own = slice(first, first + share)
+            found.centres[frame, own] = centre
+            found.directions[frame, own] = at(np.resize(np.random.default_rng(0).permutation(points)[:share], share))
             first += share
     return found
 
 
-def _one_to_one(packed: UInt8[np.ndarray, "h w8"], cameras: Cameras, camera: int) -> Float[np.ndarray, "n 2"]:
-    """All points of an outline (px) that the lens shows one-to-one."""
+def _rays(
+    packed: UInt8[np.ndarray, "h w8"], cameras: Cameras, camera: int
+) -> tuple[int, Callable[[Int[np.ndarray, " some"]], Float[np.ndarray, "some 3"]]]:
+    """How many points of an outline the lens shows one-to-one, and what gives the directions of some of them."""
     width, height = cameras.size[camera]
     points = outline(packed[:height], int(width))
     if not np.asarray(cameras.dist)[camera].any():
-        return points
-    return points[np.isfinite(rays(cameras, camera, points)).all(1)]
+        return len(points), lambda some: rays(cameras, camera, points[some])
+    directions = rays(cameras, camera, points)
+    directions = directions[np.isfinite(directions).all(1)]
+    return len(directions), lambda some: directions[some]
 
 
 def outline(packed: UInt8[np.ndarray, "h w8"], width: int) -> Float[np.ndarray, "n 2"]:

@@ -46,9 +46,9 @@ def padded(tree: Any, length: int) -> Any:
     def pad(a: np.ndarray) -> np.ndarray:
         if len(a) == length:
             return a
-        filled = aligned((length, *a.shape[1:]), a.dtype)
-        filled[: len(a)], filled[len(a) :] = a, a[0] if len(a) else 0
-        return filled
+        whole = aligned((length, *a.shape[1:]), a.dtype)
+        whole[: len(a)], whole[len(a) :] = a, a[0] if len(a) else 0
+        return whole
 
     return jax.tree.map(pad, single_precision(tree))
 

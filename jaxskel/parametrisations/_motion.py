@@ -41,21 +41,27 @@ class Motion(eqx.Module):
         self, points: Float[Array, "*stack points 3"], segments: Int[np.ndarray, "*stack points"]
     ) -> Float[Array, "*stack points 3 unknowns"]:
         """How points (m) of some segments begin to move: long rows of unknowns, not triples."""
-        turns, pivots, shifts = (a.swapaxes(-1, -2)[..., None, :, :] for a in (self.turns, self.pivots, self.shifts))
+        turns, pivots, shifts = (
+            jnp.asarray(a).swapaxes(-1, -2)[..., None, :, :] for a in (self.turns, self.pivots, self.shifts)
+        )
         moves = np.take_along_axis(self.moves, segments[..., None, :], -1).swapaxes(-1, -2)[..., None, :]
-        a, b, c = (turns[..., axis, :] for axis in range(3))
-        x, y, z = (points[..., axis, None] - pivots[..., axis, :] for axis in range(3))
-        return jnp.stack([b * z - c * y, c * x - a * z, a * y - b * x], -2) * moves + shifts
+        away = [points[..., axis, None] - pivots[..., axis, :] for axis in range(3)]
+        return jnp.stack(_cross([turns[..., axis, :] for axis in range(3)], away), -2) * moves + shifts
 
     def of_body(self, placed: PlacedBody) -> PlacedBody:
         """How the skeleton begins to move, with a last axis ``unknowns``."""
         turns = self.turns.T[None] * jnp.asarray(self.moves.T)[:, None]
-        a, b, c = (turns[:, axis, None] for axis in range(3))
-        x, y, z = (placed.rotations[:, axis, :, None] for axis in range(3))
+        columns = [placed.rotations[:, axis, :, None] for axis in range(3)]
         changes = (
             self.of_points(placed.joints, _CARRIERS),
             self.of_points(placed.tips, _TIPS),
-            jnp.stack([b * z - c * y, c * x - a * z, a * y - b * x], 1),
+            jnp.stack(_cross([turns[:, axis, None] for axis in range(3)], columns), 1),
             self.of_points(placed.origins, _SEGMENTS),
         )
         return eqx.tree_at(lambda b: (b.joints, b.tips, b.rotations, b.origins), placed, changes)
+
+
+def _cross(one: list[Float[Array, "..."]], other: list[Float[Array, "..."]]) -> list[Float[Array, "..."]]:
+    """Cross product of vectors given by their components."""
+    (a, b, c), (x, y, z) = one, other
+    return [b * z - c * y, c * x - a * z, a * y - b * x]

@@ -54,11 +54,11 @@ def volume_objective(body: Body) -> Objective:
     from in which each limb is nearer to its own part of the outlines than to another. Weights as in `paper_objective`:
     the cost of a well explained frame is of the order of ten. A capsule counts the same in a body that lacks others.
     """
-    whole = len(body.links) / len(LINKS)
+    share = len(body.links) / len(LINKS)
     return Objective(
         {
             "contours": ContourContact(body=body, weight=1.2e5),
-            "inside": InsideSilhouettes(body=body, weight=7e4 * whole),
+            "inside": InsideSilhouettes(body=body, weight=7e4 * share),
             "collision": ArmCollision(body=body, weight=800.0),
             "hinges": HingeLimits(skeleton=body.skeleton, weight=40.0),
             "rest": RestPrior(
