@@ -252,14 +252,17 @@ def _distort(dist: Any, x: Any, y: Any) -> tuple[Any, Any]:
     )
 
 
-def rays(cameras: Cameras, index: int, uv: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
-    """Unit viewing directions in the world of image points (px) of one camera: the inverse of [`project`][].
+def rays(
+    cameras: Cameras, index: int | np.integer | Int[np.ndarray, " n"], uv: Float[np.ndarray, "n 2"]
+) -> Float[np.ndarray, "n 3"]:
+    """Unit viewing directions in the world of image points (px): the inverse of [`project`][].
 
-    NaN where no direction is seen at that point, because it lies beyond the one-to-one range of the distortion.
+    The points are those of one camera, or each is of the camera that `index` says. NaN where no direction is seen at
+    that point, because it lies beyond the one-to-one range of the distortion.
     """
-    K, dist = np.asarray(cameras.K[index]), np.asarray(cameras.dist[index])[None, :, None]
-    yd = (uv[:, 1] - K[1, 2]) / K[1, 1]
-    xd = (uv[:, 0] - K[0, 2] - K[0, 1] * yd) / K[0, 0]
+    K, R, dist = (np.asarray(a)[index] for a in (cameras.K, cameras.R, cameras.dist))
+    yd = (uv[:, 1] - K[..., 1, 2]) / K[..., 1, 1]
+    xd = (uv[:, 0] - K[..., 0, 2] - K[..., 0, 1] * yd) / K[..., 0, 0]
     x, y = xd, yd
     if dist.any():
         # Newton's method with a numerical 2 x 2 Jacobian: the usual fixed point iteration diverges on wide lenses.
@@ -274,10 +277,12 @@ def rays(cameras: Cameras, index: int, uv: Float[np.ndarray, "n 2"]) -> Float[np
         lost = ~(np.hypot(fx - xd, fy - yd) < 1e-7) | ~(np.hypot(x, y) < cameras.max_radius[index])
         x, y = np.where(lost, np.nan, x), np.where(lost, np.nan, y)
     directions = np.stack([x, y, np.ones_like(x)], -1)
-    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
-    return directions @ np.asarray(cameras.R[index])
+    directions /= np.sqrt(x * x + y * y + 1)[:, None]
+    return directions @ R if R.ndim == 2 else np.einsum("ni,nij->nj", directions, R)
 
 
 def _at(dist: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    xd, yd = _distort(dist, x[None], y[None])
-    return xd[0], yd[0]
+    """Distorted points of one lens, or of one lens each."""
+    lenses = np.atleast_2d(dist)[:, :, None]
+    xd, yd = _distort(lenses, x.reshape(len(lenses), -1), y.reshape(len(lenses), -1))
+    return xd.reshape(-1), yd.reshape(-1)

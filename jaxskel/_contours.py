@@ -1,13 +1,13 @@
 """What the silhouettes' outlines say to a body with volume: viewing rays that graze it."""
 
-from collections.abc import Callable
+from functools import lru_cache
 
 import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt8
 
 from ._camera import Cameras, rays
-from ._views import person_box, unpacked_box
+from ._views import Box, person_boxes, unpacked_box
 
 RAYS = 3600
 """Rays of a frame, by default: about a third of an outline's pixels in ten views of 640 x 480."""
@@ -47,42 +47,62 @@ def contours(
         count: Number of rays of a frame; where there are fewer points, some are given twice, and where there are none
             at all, all rays are NaN.
     """
-    centres = cameras.centres
     found = Contours(*(np.full((len(silhouettes), count, 3), np.nan, np.float32) for _ in range(2)))
-    for frame in range(len(silhouettes)):
-        views = [
-            (centres[camera], *_rays(silhouettes[frame, camera], cameras, int(camera)))
-            for camera in np.flatnonzero(~lost[frame])
-        ]
-        views = [(centre, points, at) for centre, points, at in views if points]
-        shares = np.diff(np.linspace(0, count, len(views) + 1).astype(int)) if views else []
-        first = 0
-        for (centre, points, at), share in zip(views, shares, strict=True):
-            own = slice(first, first + share)
-            found.centres[frame, own] = centre
-            found.directions[frame, own] = at(np.resize(np.random.default_rng(0).permutation(points)[:share], share))
-            first += share
+    for packed, left_out, centres, directions in zip(silhouettes, lost, found.centres, found.directions, strict=True):
+        _write_rays(centres, directions, packed, cameras, left_out)
     return found
 
 
-def _rays(
-    packed: UInt8[np.ndarray, "h w8"], cameras: Cameras, camera: int
-) -> tuple[int, Callable[[Int[np.ndarray, " some"]], Float[np.ndarray, "some 3"]]]:
-    """How many points of an outline the lens shows one-to-one, and what gives the directions of some of them."""
-    width, height = cameras.size[camera]
-    points = outline(packed[:height], int(width))
-    if not np.asarray(cameras.dist)[camera].any():
-        return len(points), lambda some: rays(cameras, camera, points[some])
-    directions = rays(cameras, camera, points)
-    directions = directions[np.isfinite(directions).all(1)]
-    return len(directions), lambda some: directions[some]
+def _write_rays(
+    centres: Float[np.ndarray, "rays 3"],
+    directions: Float[np.ndarray, "rays 3"],
+    silhouettes: UInt8[np.ndarray, "cams h w8"],
+    cameras: Cameras,
+    lost: Bool[np.ndarray, " cams"],
+) -> None:
+    """Fill in the rays of one frame."""
+    bent = (np.asarray(cameras.dist) != 0).any(1)
+    views = []
+    for camera, (packed, box) in enumerate(zip(silhouettes, person_boxes(silhouettes), strict=True)):
+        if box is None or lost[camera]:
+            continue
+        width, height = cameras.size[camera]
+        points, seen = _outline_in(packed[:height], int(width), box), None
+        if bent[camera]:  # only what the lens shows one-to-one
+            seen = rays(cameras, camera, points)
+            points, seen = points[np.isfinite(seen).all(1)], seen[np.isfinite(seen).all(1)]
+        if len(points):
+            views.append((camera, points, seen))
+    if not views:
+        return
+    which, uv = np.zeros(len(directions), int), np.zeros((len(directions), 2))
+    ends = np.linspace(0, len(directions), len(views) + 1).astype(int).tolist()
+    for (camera, points, seen), first, end in zip(views, ends[:-1], ends[1:], strict=True):
+        some = _drawn(len(points), end - first)
+        which[first:end], uv[first:end] = camera, points[some]
+        if seen is not None:
+            directions[first:end] = seen[some]
+    # All views without distortion at once.
+    straight = np.flatnonzero(~bent[which])
+    directions[straight] = rays(cameras, which[straight], uv[straight])
+    centres[:] = cameras.centres[which]
+
+
+@lru_cache(maxsize=4096)
+def _drawn(points: int, share: int) -> Int[np.ndarray, " share"]:
+    """Which of some points are drawn; where there are fewer, some are drawn twice."""
+    drawn = np.resize(np.random.default_rng(0).permutation(points)[:share], share)
+    drawn.flags.writeable = False
+    return drawn
 
 
 def outline(packed: UInt8[np.ndarray, "h w8"], width: int) -> Float[np.ndarray, "n 2"]:
     """Points (u, v) between neighbouring pixels of which one is person, the other background (px)."""
-    box = person_box(packed)
-    if box is None:
-        return np.zeros((0, 2))
+    box = person_boxes(packed)[0]
+    return np.zeros((0, 2)) if box is None else _outline_in(packed, width, box)
+
+
+def _outline_in(packed: UInt8[np.ndarray, "h w8"], width: int, box: Box) -> Float[np.ndarray, "n 2"]:
     top, bottom, left, right = box
     top, left = max(top - 1, 0), max(left - 1, 0)
     near = unpacked_box(packed, top, bottom + 1, left, min(right + 1, width))

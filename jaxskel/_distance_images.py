@@ -9,7 +9,7 @@ from jaxtyping import Array, Bool, Float, Int, UInt8
 from ._camera import Cameras
 from ._kept import kept
 from ._silhouette_distances import signed_distances
-from ._views import person_box
+from ._views import person_boxes
 
 # Values stand this many to a side of an image at most; between them they are interpolated.
 _MOST_CELLS = 640
@@ -86,7 +86,7 @@ def _to_cut_edges(
     edge: without this, a ray that runs along it just inside would miss what lies just outside.
     """
     found = np.full(shape, np.inf, np.float32)
-    box = person_box(packed)
+    box = person_boxes(packed)[0]
     if box is None:
         return found
     top, bottom, left, right = box

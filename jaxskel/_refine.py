@@ -54,9 +54,8 @@ def refine_frame(
 
     def residuals(unknowns: Float[Array, " unknowns"], args: Any) -> dict[str, Array]:
         base, fixed = args
-        base = parametrisation.moved(unknowns, base, skeleton)
-        found = objective.residuals(parametrisation.placed(base, skeleton), observed, fixed)
-        return found | parametrisation.held(base, skeleton)
+        found = objective.residuals(parametrisation.reached(unknowns, base, skeleton), observed, fixed)
+        return found | parametrisation.held(parametrisation.moved(unknowns, base, skeleton), skeleton)
 
     # Correspondences are looked up between solves: an argmin inside the residual keeps the solver from converging.
     def one_round(base: Any, _: None) -> tuple[Any, tuple[Array, Array]]:

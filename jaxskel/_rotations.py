@@ -37,7 +37,7 @@ def _turned_tangent(primals: Any, tangents: Any) -> tuple[Array, Array]:
     if not isinstance(change, SymbolicZero):
         # What each part of a vector does to each number of the result, whatever the tangents.
         generators = jnp.einsum("kij,...jl->...kil", _GENERATORS, result)
-        effects = jnp.einsum("...ka,...kil->...ila", _left_jacobian(vector), generators)
+        effects = jnp.einsum("...ka,...kil->...ila", left_jacobian(vector), generators)
         tangent = tangent + jnp.einsum("...ila,...a->...il", effects, change)
     if not isinstance(rotation_change, SymbolicZero):
         tangent = tangent + turned(vector, rotation_change)
@@ -68,7 +68,7 @@ def _coefficients(vector: Float[Array, "*batch 3"]) -> tuple[Float[Array, "*batc
     )
 
 
-def _left_jacobian(vector: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"]:
+def left_jacobian(vector: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"]:
     """Angular velocity by change of the rotation vector."""
     sine, cosine, rest = (coefficient[..., None] for coefficient in _coefficients(vector))
     skew = _skew(vector, jnp.stack)

@@ -76,13 +76,13 @@ def refine_sequence(
     def residuals(unknowns: Float[Array, "frames unknowns"], args: Any) -> Coupled:
         def one(each: Any) -> dict[str, Array]:
             unknowns, (base, fixed), frame, used = each
-            base = parametrisation.moved(unknowns, base, skeleton)
-            own = objective.residuals(parametrisation.placed(base, skeleton), frame, fixed)
+            own = objective.residuals(parametrisation.reached(unknowns, base, skeleton), frame, fixed)
             own = {name: jnp.where(used, rows, 0.0) for name, rows in own.items()}
-            return own | parametrisation.held(base, skeleton)
+            return own | parametrisation.held(parametrisation.moved(unknowns, base, skeleton), skeleton)
 
         own = jax.lax.map(one, (unknowns, args, observed, seen), batch_size=_AT_ONCE)
-        return Coupled(own, _couplings(objective, bodies(moved(unknowns, args[0]))))
+        reached = jax.vmap(lambda u, one: parametrisation.reached(u, one, skeleton))(unknowns, args[0])
+        return Coupled(own, _couplings(objective, reached))
 
     def one_round(base: Any, _: None) -> tuple[Any, tuple[Array, Array]]:
         fixed = one_by_one(lambda one, frame: objective.correspond(parametrisation.placed(one, skeleton), frame), base)

@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float, Int, UInt8
 from ._camera import Cameras, in_cameras, lens_slopes, on_images, project
 from ._computed_once import computed_once
 from ._stacks import aligned
-from ._views import person_box, unpacked_box
+from ._views import Box, person_boxes, unpacked_box
 
 T = TypeVar("T")
 
@@ -183,12 +183,15 @@ def silhouette_distances(
     shape = (frames, views, -(-height // step), -(-width // step))
     values = aligned(shape)
     values[~lost], values[lost] = _FARTHEST, _LOST
-    for frame, view in zip(*np.nonzero(~lost), strict=True):
-        right, low = cameras.size[view].tolist()
-        rows, columns = -(-low // step), -(-right // step)
-        own = values[frame, view]
-        own[rows:], own[:, columns:] = _LOST, _LOST  # beyond an image that is smaller than others
-        _write_distances(own[:rows, :columns], silhouettes[frame, view, :low], right, step, _FARTHEST)
+    for frame, packed in enumerate(silhouettes):
+        boxes = person_boxes(packed)
+        for view in np.flatnonzero(~lost[frame]):
+            right, low = cameras.size[view].tolist()
+            rows, columns = -(-low // step), -(-right // step)
+            own, box = values[frame, view], boxes[view]
+            own[rows:], own[:, columns:] = _LOST, _LOST  # beyond an image that is smaller than others
+            if box is not None:
+                _write_distances(own[:rows, :columns], packed[view, :low], box, right, step, _FARTHEST)
     stacked = jax.tree.map(lambda a: np.broadcast_to(a, (frames, *a.shape)), cameras)
     return SilhouetteDistances(values, np.full(frames, step, np.float32), stacked, np.full(frames, misses, np.int32))
 
@@ -206,24 +209,25 @@ def signed_distances(
         fine: Outlines run between the pixels without their stairs, which takes twice the time.
     """
     found = np.full((-(-len(packed) // step), -(-across // step)), farthest, np.float32)
-    _write_distances(found, packed, across, step, farthest, fine)
+    box = person_boxes(packed)[0]
+    if box is not None:
+        _write_distances(found, packed, box, across, step, farthest, fine)
     return found
 
 
 def _write_distances(
     found: Float[np.ndarray, "rows columns"],
     packed: UInt8[np.ndarray, "h w8"],
+    box: Box,
     across: int,
     step: int,
     farthest: int,
     fine: bool = False,
 ) -> None:
     """`signed_distances` into an array that holds `farthest` everywhere: most of it stays as it is."""
-    (height, width), box = found.shape, person_box(packed)
-    if box is None:
-        return
-    top, left = (max(first - farthest, 0) // step for first in (box[0], box[2]))
-    bottom, right = (min((end - 1 + farthest) // step + 1, n) for end, n in ((box[1], height), (box[3], width)))
+    height, width = found.shape
+    top, left = (max(first - farthest, 0) // step for first in (box.top, box.left))
+    bottom, right = (min((end - 1 + farthest) // step + 1, n) for end, n in ((box.bottom, height), (box.right, width)))
     near = unpacked_box(packed, step * top, step * bottom, step * left, min(step * right, across)).view(np.uint8)
     # A person who is cut off by the edge of the image goes on there, also where the last cell is not whole.
     beyond = step * (bottom - top) - near.shape[0], step * (right - left) - near.shape[1]
@@ -236,7 +240,7 @@ def _write_distances(
     signed[own] -= cv2.distanceTransform(np.ascontiguousarray(near[own]), cv2.DIST_L2, 3)
     # Half-way between two pixels the distance is zero.
     signed = cv2.addWeighted(signed, 1, away, -1, 0.5, dtype=cv2.CV_32F)
-    signed = np.minimum(signed, farthest, out=signed)
+    cv2.threshold(signed, farthest, 0, cv2.THRESH_TRUNC, dst=signed)
     if fine:
         signed = _without_stairs(near, signed)
     size = (right - left, bottom - top)

@@ -1,5 +1,7 @@
 """Which views of a frame show a person at all."""
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
@@ -25,13 +27,25 @@ def silhouette_areas(silhouettes: Silhouettes) -> Int[np.ndarray, "frames cams"]
     return sum((np.bitwise_count(part).sum(2, dtype=np.int64) for part in parts), np.zeros(views.shape[:2], np.int64))
 
 
-def person_box(packed: UInt8[np.ndarray, "h w8"]) -> tuple[int, int, int, int] | None:
-    """First row of a silhouette, row behind its last one, and columns likewise (px); None where all is black."""
-    rows = np.flatnonzero(packed.max(1))
-    if len(rows) == 0:
-        return None
-    columns = np.flatnonzero(np.unpackbits(np.bitwise_or.reduce(packed[rows[0] : rows[-1] + 1], 0)))
-    return int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
+class Box(NamedTuple):
+    """The rows and columns of an image that show a person (px)."""
+
+    top: int
+    bottom: int
+    """Behind the last row."""
+    left: int
+    right: int
+    """Behind the last column."""
+
+
+def person_boxes(silhouettes: UInt8[np.ndarray, "*views h w8"]) -> list[Box | None]:
+    """The box around each silhouette, one view after the other; None where all is black."""
+    views = silhouettes.reshape(-1, *silhouettes.shape[-2:])
+    rows = views.max(2) > 0
+    columns = np.unpackbits(np.bitwise_or.reduce(views, 1), axis=1)
+    spans = ((a.argmax(1), a.shape[1] - a[:, ::-1].argmax(1)) for a in (rows, columns))
+    boxes = np.concatenate([np.stack(span, 1) for span in spans], 1).tolist()
+    return [Box(*box) if some else None for box, some in zip(boxes, rows.any(1), strict=True)]
 
 
 def unpacked_box(

@@ -115,7 +115,7 @@ def test_the_derivative_is_finite_differences(name, at):
         @jax.jit
         def body(unknowns):
             # The finite differences come as NumPy arrays.
-            return place(skeleton, parametrisation.moved(jnp.asarray(unknowns), base, skeleton))
+            return parametrisation.reached(jnp.asarray(unknowns), base, skeleton)
 
         spread = 0.0 if at == "base" else 0.7
         unknowns = spread * jnp.asarray(np.random.default_rng(0).normal(size=count))
@@ -124,6 +124,22 @@ def test_the_derivative_is_finite_differences(name, at):
         moved = np.abs(np.asarray(jax.jacfwd(lambda u: body(u).rotations)(unknowns)[..., 3:])).max((0, 1, 2))
         assert moved.min() > 0.3
         assert moved.max() < 2.0
+
+
+@every
+def test_what_the_unknowns_reach_depends_on_base_and_template_too(name):
+    parametrisation, count = ALL[name]
+    unknowns = 0.7 * jnp.asarray(np.random.default_rng(1).normal(size=count))
+    ends = []
+    for body in (
+        lambda given: parametrisation.reached(given[0], *given[1:]),
+        lambda given: place(given[2], parametrisation.moved(*given)),
+    ):
+        given = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), (unknowns, free_pose(5), ADULT))
+        ends.append(jax.jacrev(lambda given, body=body: body(given).joints[5])(given))
+    for one, other in zip(*map(jax.tree.leaves, ends), strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-5)
+    assert all(np.abs(leaf).max() > 0.1 for leaf in jax.tree.leaves(ends[0][:2]))
 
 
 def test_nearby_is_the_pose_to_first_order():

@@ -30,6 +30,10 @@ class Parametrisation(Protocol):
         """The skeleton in the world."""
         ...
 
+    def reached(self, unknowns: Float[Array, " unknowns"], base: Any, skeleton: Skeleton) -> PlacedBody:
+        """The skeleton in the world that the unknowns lead to: `placed` after `moved`, for solvers to differentiate."""
+        ...
+
     def held(self, base: Any, skeleton: Skeleton) -> dict[str, Float[Array, "..."]]:
         """Weighted residuals of what is not exact by itself, by name; they join those of the objective."""
         ...
@@ -61,6 +65,10 @@ class JointRotations(eqx.Module):
     def placed(self, base: Pose, skeleton: Skeleton) -> PlacedBody:
         """The skeleton in the world."""
         return place(skeleton, base)
+
+    def reached(self, unknowns: Float[Array, " unknowns"], base: Pose, skeleton: Skeleton) -> PlacedBody:
+        """The skeleton in the world that the unknowns lead to."""
+        return self.placed(self.moved(unknowns, base, skeleton), skeleton)
 
     def held(self, base: Pose, skeleton: Skeleton) -> dict[str, Float[Array, "..."]]:
         """Nothing."""

@@ -78,6 +78,10 @@ class FreeJoints(eqx.Module):
         origins = jnp.concatenate([base.joints[_ORIGIN_JOINTS], pivots])
         return PlacedBody(base.joints, tips, base.rotations, origins)
 
+    def reached(self, unknowns: Float[Array, " unknowns"], base: JointPositions, skeleton: Skeleton) -> PlacedBody:
+        """The skeleton in the world that the unknowns lead to."""
+        return self.placed(self.moved(unknowns, base, skeleton), skeleton)
+
     def held(self, base: JointPositions, skeleton: Skeleton) -> dict[str, Float[Array, " lengths=15"]]:
         """Weighted differences of the lengths from the template's, shifted by the multipliers."""
         return {"bone_lengths": jnp.sqrt(self.weight) * (length_errors(base.joints, skeleton) + base.multipliers)}

@@ -54,6 +54,10 @@ class SymmetricLengths(eqx.Module):
         """The skeleton in the world."""
         return place(self._template(base, skeleton), base.pose)
 
+    def reached(self, unknowns: Float[Array, " unknowns"], base: StretchedPose, skeleton: Skeleton) -> PlacedBody:
+        """The skeleton in the world that the unknowns lead to."""
+        return self.placed(self.moved(unknowns, base, skeleton), skeleton)
+
     def held(self, base: StretchedPose, skeleton: Skeleton) -> dict[str, Float[Array, " lengths=8"]]:
         """Weighted logarithms of the lengths over the template's."""
         return {"bone_lengths": jnp.sqrt(self.weight) * base.stretch}
