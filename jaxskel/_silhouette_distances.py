@@ -182,14 +182,15 @@ def silhouette_distances(
     step = -(-max(height, width) // _MOST_CELLS)
     shape = (frames, views, -(-height // step), -(-width // step))
     values = aligned(shape)
-    values[~lost], values[lost] = _FARTHEST, _LOST
     for frame, packed in enumerate(silhouettes):
-        boxes = person_boxes(packed)
-        for view in np.flatnonzero(~lost[frame]):
+        for view, box in enumerate(person_boxes(packed)):
             right, low = cameras.size[view].tolist()
             rows, columns = -(-low // step), -(-right // step)
-            own, box = values[frame, view], boxes[view]
-            own[rows:], own[:, columns:] = _LOST, _LOST  # beyond an image that is smaller than others
+            own = values[frame, view]
+            own[:] = _LOST  # also beyond an image that is smaller than others
+            if lost[frame, view]:
+                continue
+            own[:rows, :columns] = _FARTHEST
             if box is not None:
                 _write_distances(own[:rows, :columns], packed[view, :low], box, right, step, _FARTHEST)
     stacked = jax.tree.map(lambda a: np.broadcast_to(a, (frames, *a.shape)), cameras)
