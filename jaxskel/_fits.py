@@ -16,7 +16,7 @@ from ._kept import kept
 from ._skeleton import Pose
 from ._stacks import on_device, taken
 from .parametrisations import HingedLimbs
-from .terms import Objective, Observed, place, volume_objective
+from .terms import Observed, place, volume_objective
 
 _HINGED = HingedLimbs()
 _MOST_STEPS = 16  # of one fit
@@ -64,32 +64,14 @@ def fit_hypothesis(body: Body, pose: Pose, observed: Observed, scales: Scales) -
     """Let one hypothesis of one frame descend; also what it costs then, infinite where that is no number."""
     # Made here, so that the compiler sees that all terms have the same body, and places it once.
     objective, few = volume_objective(body), observed.thinned(_FEW)
-    pose = _descended(objective, body, pose, few, scales)
-    return pose, _cost(objective, body, pose, observed)
 
-
-def fit_better(
-    body: Body, poses: Pose, observed: Observed, rough: Scales, fine: Scales
-) -> tuple[Pose, Float[Array, ""]]:
-    """Let some hypotheses of one frame descend roughly, then only the one that costs least; also what it costs then."""
-    objective, few = volume_objective(body), observed.thinned(_FEW)
-    poses = jax.vmap(lambda pose: _descended(objective, body, pose, few, rough))(poses)
-    best = jnp.argmin(jax.vmap(lambda pose: _cost(objective, body, pose, few))(poses))
-    pose = _descended(objective, body, jax.tree.map(lambda a: a[best], poses), few, fine)
-    return pose, _cost(objective, body, pose, observed)
-
-
-def _descended(objective: Objective, body: Body, pose: Pose, few: Observed, scales: Scales) -> Pose:
     def step(number: Array, pose: Pose) -> Pose:
         scaled = eqx.tree_at(lambda o: o.terms["contours"].scale, objective, scales[0][number])
         return descend(scaled, _HINGED, body.skeleton, pose, few)
 
-    return jax.lax.fori_loop(0, scales[1], step, pose)
-
-
-def _cost(objective: Objective, body: Body, pose: Pose, observed: Observed) -> Float[Array, ""]:
+    pose = jax.lax.fori_loop(0, scales[1], step, pose)
     cost = sum(objective.costs(place(body.skeleton, pose), observed).values(), jnp.zeros(()))
-    return jnp.where(jnp.isfinite(cost), cost, jnp.inf)
+    return pose, jnp.where(jnp.isfinite(cost), cost, jnp.inf)
 
 
 @kept

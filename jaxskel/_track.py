@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ._body import place_joints
-from ._fits import Scales, fit_better, fit_scales
+from ._fits import Scales, fit_hypothesis, fit_scales
 from ._hypotheses import Hypotheses, Pool, pool_of
 from ._kept import kept
 from ._skeleton import Pose
@@ -34,7 +34,7 @@ class Tracking(eqx.Module):
     interval: float = 0.25
     """Time between two full searches (s): so long at most does the track follow a pose that another one beats."""
     steps: int = 6
-    """Steps of the fit from the frame before: half of them roughly, from two poses, the rest from the better one."""
+    """Steps of the fit from the frame before."""
     margin: float = 2.0
     """Hysteresis: by so much must another pose be cheaper to be switched to."""
 
@@ -136,7 +136,7 @@ def _best_track(model: Model, tracking: Tracking, track: Track | None, offers: P
     last, before = (first, first) if track is None else (track.last, track.before)
     frames = np.minimum(np.arange(TRACKED_FRAMES), count - 1)
     half = tracking.steps // 2
-    scales = fit_scales((0.08, half)), fit_scales((0.04, tracking.steps - half))
+    scales = fit_scales((0.08, half), (0.04, tracking.steps - half))
 
     def follow(order: Int[np.ndarray, " frames"], last: Pose, before: Pose) -> tuple[Pose, np.ndarray]:
         margin, number = jnp.asarray(tracking.margin, jnp.float32), jnp.asarray(order, jnp.int32)
@@ -191,7 +191,7 @@ def cheapest_path(
 def _follow(
     model: Model,
     margin: Float[Array, ""],
-    scales: tuple[Scales, Scales],
+    scales: Scales,
     last: Pose,
     before: Pose,
     offered: Pose,
@@ -208,7 +208,9 @@ def _follow(
         (last, before), (offered, offered_cost, number) = past, frame
         seen = stack.of(number)
         hypotheses = jax.tree.map(lambda *a: jnp.stack(a), last, _onwards(last, before))
-        pose, cost = fit_better(model.body, hypotheses, seen, *scales)
+        poses, cost = jax.vmap(lambda pose: fit_hypothesis(model.body, pose, seen, scales))(hypotheses)
+        best = jnp.argmin(cost)
+        pose, cost = jax.tree.map(lambda a: a[best], (poses, cost))
         switch = offered_cost < cost - margin
         pose = jax.tree.map(lambda new, old: jnp.where(switch, new, old), offered, pose)
         # After a jump there is no motion to go on with.
