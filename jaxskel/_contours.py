@@ -47,20 +47,22 @@ def contours(
         count: Number of rays of a frame; where there are fewer points, some are given twice, and where there are none
             at all, all rays are NaN.
     """
-    found = Contours(*(np.full((len(silhouettes), count, 3), np.nan, np.float32) for _ in range(2)))
-    for packed, left_out, centres, directions in zip(silhouettes, lost, found.centres, found.directions, strict=True):
-        _write_rays(centres, directions, packed, cameras, left_out)
-    return found
+    own = cameras.centres
+    centres, directions = (np.full((len(silhouettes), count, 3), np.nan, np.float32) for _ in range(2))
+    for frame, packed in enumerate(silhouettes):
+        which = _write_directions(directions[frame], packed, cameras, lost[frame])
+        if which is not None:
+            centres[frame] = own[which]
+    return Contours(centres, directions)
 
 
-def _write_rays(
-    centres: Float[np.ndarray, "rays 3"],
+def _write_directions(
     directions: Float[np.ndarray, "rays 3"],
     silhouettes: UInt8[np.ndarray, "cams h w8"],
     cameras: Cameras,
     lost: Bool[np.ndarray, " cams"],
-) -> None:
-    """Fill in the rays of one frame."""
+) -> Int[np.ndarray, " rays"] | None:
+    """Fill in the rays of one frame, and tell the camera of each; None where there is no outline."""
     bent = (np.asarray(cameras.dist) != 0).any(1)
     views = []
     for camera, (packed, box) in enumerate(zip(silhouettes, person_boxes(silhouettes), strict=True)):
@@ -70,11 +72,12 @@ def _write_rays(
         points, seen = _outline_in(packed[:height], int(width), box), None
         if bent[camera]:  # only what the lens shows one-to-one
             seen = rays(cameras, camera, points)
-            points, seen = points[np.isfinite(seen).all(1)], seen[np.isfinite(seen).all(1)]
+            there = np.isfinite(seen).all(1)
+            points, seen = points[there], seen[there]
         if len(points):
             views.append((camera, points, seen))
     if not views:
-        return
+        return None
     which, uv = np.zeros(len(directions), int), np.zeros((len(directions), 2))
     ends = np.linspace(0, len(directions), len(views) + 1).astype(int).tolist()
     for (camera, points, seen), first, end in zip(views, ends[:-1], ends[1:], strict=True):
@@ -85,7 +88,7 @@ def _write_rays(
     # All views without distortion at once.
     straight = np.flatnonzero(~bent[which])
     directions[straight] = rays(cameras, which[straight], uv[straight])
-    centres[:] = cameras.centres[which]
+    return which
 
 
 @lru_cache(maxsize=4096)

@@ -49,10 +49,12 @@ def exponential(vector: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"]:
     return turned(vector, jnp.broadcast_to(jnp.eye(3, dtype=vector.dtype), (*vector.shape, 3)))
 
 
-def cross(one: Float[Array, "*batch 3"], other: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:
-    """Cross products, written out: faster than those of JAX, which move axes about."""
-    (a, b, c), (x, y, z) = ([vector[..., i] for i in range(3)] for vector in (one, other))
-    return jnp.stack([b * z - c * y, c * x - a * z, a * y - b * x], -1)
+def cross(one: Float[Array, "..."], other: Float[Array, "..."], axis: int = -1) -> Float[Array, "..."]:
+    """Cross products of vectors along an axis, written out: faster than those of JAX, which move axes about."""
+    (a, b, c), (x, y, z) = (
+        [jax.lax.index_in_dim(vector, i, axis, keepdims=False) for i in range(3)] for vector in (one, other)
+    )
+    return jnp.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis)
 
 
 def _coefficients(vector: Float[Array, "*batch 3"]) -> tuple[Float[Array, "*batch 1"], ...]:

@@ -70,6 +70,19 @@ def test_rays_undo_project(lens, skew):
     np.testing.assert_allclose(rays(cameras, 0, np.stack([u[0], v[0]], -1)), directions, atol=1e-9)
 
 
+def test_rays_of_several_cameras_at_once_are_those_of_each():
+    singles = [camera(lens, skew) for lens, skew in (("barrel", 0.0), ("none", 30.0), ("eight", 5.0))]
+    K, R, dist = (np.concatenate([getattr(single, name) for single in singles]) for name in ("K", "R", "dist"))
+    R[1] = R[1] @ Rotation.from_euler("z", 50.0, degrees=True).as_matrix()
+    rig = make_cameras(K, R, np.zeros((3, 3)), (640, 480), dist)
+    rng = np.random.default_rng(1)
+    index, uv = rng.integers(0, 3, 60), rng.uniform(0, (640, 480), (60, 2))
+    together = rays(rig, index, uv)
+    assert 0 < np.isnan(together).any(1).sum() < 30  # corners of the barrel
+    for which in range(3):
+        np.testing.assert_allclose(together[index == which], rays(rig, which, uv[index == which]), atol=1e-12)
+
+
 def test_points_that_a_camera_cannot_see_are_nan():
     cameras = camera("barrel")
     tangents = np.array([0.0, 0.9, FOLD - 0.01, FOLD + 0.01, 1.6, 30.0])

@@ -150,10 +150,11 @@ class HingedLimbs(JointRotations):
         return first, second, jnp.einsum("hij,hj->hi", rotations[_HINGE_PARENTS], axes)
 
 
-@jax.custom_jvp
-def _reached(unknowns: Float[Array, " unknowns"], base: Pose, skeleton: Skeleton) -> PlacedBody:
-    limbs = HingedLimbs()
-    return limbs.placed(limbs.moved(unknowns, base, skeleton), skeleton)
+def _traced(unknowns: Float[Array, " unknowns"], base: Pose, skeleton: Skeleton) -> PlacedBody:
+    return JointRotations.reached(HingedLimbs(), unknowns, base, skeleton)
+
+
+_reached = jax.custom_jvp(_traced)
 
 
 @partial(_reached.defjvp, symbolic_zeros=True)
@@ -166,12 +167,8 @@ def _reached_tangent(primals: Any, tangents: Any) -> tuple[PlacedBody, PlacedBod
         effects = HingedLimbs().motion_at(unknowns, base, body, skeleton).of_body(body)
         tangent = jax.tree.map(lambda effect: effect @ change, effects)
     if not all(isinstance(leaf, SymbolicZero) for leaf in jax.tree.leaves(others)):
-        limbs = HingedLimbs()
-        _, rest = jax.jvp(
-            lambda base, skeleton: limbs.placed(limbs.moved(unknowns, base, skeleton), skeleton),
-            (base, skeleton),
-            jax.tree.map(_as_array, tuple(others)),
-        )
+        others = jax.tree.map(_as_array, tuple(others))
+        _, rest = jax.jvp(partial(_traced, unknowns), (base, skeleton), others)
         tangent = jax.tree.map(jnp.add, tangent, rest)
     return body, tangent
 

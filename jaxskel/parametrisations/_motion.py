@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from .._rotations import cross
 from .._skeleton import JOINT_OF_PIVOT, SEGMENT_NAMES, SEGMENT_OF_JOINT, SEGMENT_OF_PIVOT, SEGMENT_OF_TIP
 from ..terms import PlacedBody
 
@@ -45,23 +46,15 @@ class Motion(eqx.Module):
             jnp.asarray(a).swapaxes(-1, -2)[..., None, :, :] for a in (self.turns, self.pivots, self.shifts)
         )
         moves = np.take_along_axis(self.moves, segments[..., None, :], -1).swapaxes(-1, -2)[..., None, :]
-        away = [points[..., axis, None] - pivots[..., axis, :] for axis in range(3)]
-        return jnp.stack(_cross([turns[..., axis, :] for axis in range(3)], away), -2) * moves + shifts
+        return cross(turns, points[..., None] - pivots, -2) * moves + shifts
 
     def of_body(self, placed: PlacedBody) -> PlacedBody:
         """How the skeleton begins to move, with a last axis ``unknowns``."""
         turns = self.turns.T[None] * jnp.asarray(self.moves.T)[:, None]
-        columns = [placed.rotations[:, axis, :, None] for axis in range(3)]
         changes = (
             self.of_points(placed.joints, _CARRIERS),
             self.of_points(placed.tips, _TIPS),
-            jnp.stack(_cross([turns[:, axis, None] for axis in range(3)], columns), 1),
+            cross(turns[:, :, None], placed.rotations[..., None], 1),
             self.of_points(placed.origins, _SEGMENTS),
         )
         return eqx.tree_at(lambda b: (b.joints, b.tips, b.rotations, b.origins), placed, changes)
-
-
-def _cross(one: list[Float[Array, "..."]], other: list[Float[Array, "..."]]) -> list[Float[Array, "..."]]:
-    """Cross product of vectors given by their components."""
-    (a, b, c), (x, y, z) = one, other
-    return [b * z - c * y, c * x - a * z, a * y - b * x]
