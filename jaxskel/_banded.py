@@ -4,16 +4,16 @@ Residuals of a frame depend on its own unknowns, those of a coupling on three co
 is a band of blocks, and a Cholesky factorisation walks along it once.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from jaxtyping import Array, Float, PyTree
 
-from ._levenberg_marquardt import LevenbergMarquardt
+from ._levenberg_marquardt import AbstractEquations, LevenbergMarquardt, not_zero
 
 # A coupling looks at a frame, the one before and the one after.
 _REACH = 3
@@ -28,8 +28,8 @@ class Coupled(eqx.Module):
     """Of three consecutive frames; empty with less than three."""
 
 
-class BandedEquations(eqx.Module):
-    """Of one linearised problem: the blocks of ``J^T J`` on and above the diagonal, and ``J^T r``."""
+class BandedEquations(AbstractEquations):
+    """Normal equations of `Coupled` residuals and unknowns ``frames x unknowns``: blocks on and above the diagonal."""
 
     own: Float[Array, "frames unknowns unknowns"]
     next: Float[Array, "frames unknowns unknowns"]
@@ -38,45 +38,45 @@ class BandedEquations(eqx.Module):
     """Between each frame and the one after that."""
     gradient: Float[Array, "frames unknowns"]
 
-
-class BandedNormalDescent(optx.AbstractDescent):
-    """The step ``-(J^T J + I / step size)^-1 J^T r`` for unknowns ``frames x unknowns`` and residuals `Coupled`."""
-
-    def init(self, y: Float[Array, "frames unknowns"], f_info_struct: Any) -> BandedEquations:
-        """Nothing is known yet."""
-        blocks = jnp.zeros((*y.shape, y.shape[1]), y.dtype)
-        return BandedEquations(blocks, blocks, blocks, jnp.zeros_like(y))
-
-    def query(self, y: Float[Array, "frames unknowns"], f_info: Any, state: BandedEquations) -> BandedEquations:
-        """Take in the linearised problem at `y`."""
+    @classmethod
+    def of(
+        cls, y: Float[Array, "frames unknowns"], residual: Coupled, slope: Callable[[Any], Coupled]
+    ) -> "BandedEquations":
+        """At `y`, from how the residuals change with each unknown."""
         frames, count = y.shape
         units = jnp.eye(count, dtype=y.dtype)
         # One unknown of all frames at once: no frame's own residuals see another frame.
-        every = jax.vmap(lambda unit: f_info.jac.mv(jnp.broadcast_to(unit, y.shape)).frames)(units)
-        found = self.init(y, None)
-        own, gradient = found.own, found.gradient
-        for columns, residual in _leaves(every, f_info.residual.frames, frames):
+        every = jax.vmap(lambda unit: slope(jnp.broadcast_to(unit, y.shape)).frames)(units)
+        own, gradient = jnp.zeros((*y.shape, count), y.dtype), jnp.zeros_like(y)
+        found = cls(own, own, own, gradient)
+        for columns, value in _leaves(every, residual.frames, frames):
             own = own + jnp.einsum("ufr,vfr->fuv", columns, columns)
-            gradient = gradient + jnp.einsum("ufr,fr->fu", columns, residual)
-        found = BandedEquations(own, found.next, found.second, gradient)
-        if frames < _REACH or not jax.tree.leaves(f_info.residual.couplings):
+            gradient = gradient + jnp.einsum("ufr,fr->fu", columns, value)
+        found = cls(own, found.next, found.second, gradient)
+        if frames < _REACH or not jax.tree.leaves(residual.couplings):
             return found
         # Of every third frame at once: a coupling sees one of them.
         turn = jnp.arange(frames, dtype=jnp.int32) % _REACH
         colours = jnp.arange(_REACH, dtype=jnp.int32)[:, None] == turn[None]
-        probe = jax.vmap(lambda unit: f_info.jac.mv(unit).couplings)
+        probe = jax.vmap(lambda unit: slope(unit).couplings)
         third = jax.vmap(lambda colour: probe(units[:, None, :] * colour[None, :, None]))(colours.astype(y.dtype))
-        for columns, residual in _leaves(third, f_info.residual.couplings, frames - 2):
-            found = _coupled(found, columns, residual)
+        for columns, value in _leaves(third, residual.couplings, frames - 2):
+            found = _coupled(found, columns, value)
         return found
 
-    def step(self, step_size: Any, state: BandedEquations) -> tuple[Float[Array, "frames unknowns"], optx.RESULTS]:
+    def applied(self, change: Float[Array, "frames unknowns"]) -> Float[Array, "frames unknowns"]:
+        """``J^T J`` times a change of the unknowns."""
+        result = jnp.einsum("fuv,fv->fu", self.own, change)
+        for blocks, apart in ((self.next, 1), (self.second, 2)):
+            between = blocks[: max(0, len(change) - apart)]
+            result = result.at[:-apart].add(jnp.einsum("fuv,fv->fu", between, change[apart:]))
+            result = result.at[apart:].add(jnp.einsum("fuv,fu->fv", between, change[:-apart]))
+        return result
+
+    def step(self, step_size: Any) -> Float[Array, "frames unknowns"]:
         """The step for a damping of one over `step_size`."""
-        eps = jnp.finfo(state.own.dtype).eps
-        damping = jnp.eye(state.own.shape[1], dtype=state.own.dtype) / jnp.maximum(step_size, eps)
-        step = -solve_banded(eqx.tree_at(lambda s: s.own, state, state.own + damping[None]))
-        solved = jnp.isfinite(step).all()
-        return step, optx.RESULTS.where(solved, optx.RESULTS.successful, optx.RESULTS.nonlinear_divergence)
+        damping = jnp.eye(self.own.shape[1], dtype=self.own.dtype) / not_zero(step_size, self.own)
+        return -solve_banded(eqx.tree_at(lambda s: s.own, self, self.own + damping[None]))
 
 
 def _leaves(columns: Any, residuals: Any, count: int) -> list[tuple[Array, Array]]:
@@ -147,4 +147,4 @@ def _square(a: Array, b: Array, c: Array, d: Array) -> Array:
 
 def sequence_solver() -> LevenbergMarquardt:
     """Levenberg-Marquardt for `refine_sequence`, to three millimetres or milliradians."""
-    return LevenbergMarquardt(rtol=1e-2, atol=3e-3, descent=BandedNormalDescent())
+    return LevenbergMarquardt(rtol=1e-2, atol=3e-3, equations=BandedEquations)

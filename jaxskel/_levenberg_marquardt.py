@@ -1,71 +1,179 @@
-"""Levenberg-Marquardt for many small problems at once: Optimistix' own, with normal equations made once a step.
+"""Levenberg-Marquardt for many small problems at once, on normal equations that are made once a step.
 
-The descent of `optimistix.LevenbergMarquardt` solves the damped problem anew for each damping, with the Jacobian and a
-square root of the damping below it. For a few dozen unknowns the normal matrix says the same in a fraction of the
-memory, and batches of frames are bound by memory.
+`optimistix.LevenbergMarquardt` keeps the linearised residuals from step to step, and solves the damped problem anew for
+each damping, with the Jacobian and a square root of the damping below it. For a few dozen unknowns the normal equations
+say the same, for the step as for the decrease that it promises, in a fraction of the memory; and batches of frames are
+bound by memory. Trust region and stop are Optimistix' own.
 """
 
+from abc import abstractmethod
 from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import lineax as lx
 import optimistix as optx
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float, PyTree
 
 
-class NormalEquations(eqx.Module):
-    """Of one linearised problem: ``J^T J`` and ``J^T r``."""
+class AbstractEquations(eqx.Module):
+    """``J^T J`` and ``J^T r`` of a linearised problem, in whatever form suits it."""
+
+    gradient: eqx.AbstractVar[Any]
+    """``J^T r``, like the unknowns."""
+
+    @classmethod
+    @abstractmethod
+    def of(cls, y: Any, residual: Any, slope: Callable[[Any], Any]) -> "AbstractEquations":
+        """At `y`; `slope` says how the residual begins to change when `y` does (``J v``)."""
+
+    @abstractmethod
+    def applied(self, change: Any) -> Any:
+        """``J^T J`` times a change of the unknowns."""
+
+    @abstractmethod
+    def step(self, step_size: Any) -> Any:
+        """``-(J^T J + I / step size)^-1 J^T r``; not finite where the matrix is not."""
+
+
+class NormalEquations(AbstractEquations):
+    """In full, for a few dozen unknowns."""
 
     matrix: Float[Array, "unknowns unknowns"]
-    gradient: Float[Array, " unknowns"]
+    gradient: PyTree[Float[Array, "..."]]
 
-
-class DampedNormalDescent(optx.AbstractDescent):
-    """The step ``-(J^T J + I / step size)^-1 J^T r``, by Cholesky."""
-
-    def init(self, y: Any, f_info_struct: Any) -> NormalEquations:
-        """Nothing is known yet."""
-        flat = ravel_pytree(y)[0]
-        return NormalEquations(jnp.zeros((flat.size, flat.size), flat.dtype), jnp.zeros_like(flat))
-
-    def query(self, y: Any, f_info: Any, state: NormalEquations) -> NormalEquations:
-        """Take in the linearised problem at `y`."""
+    @classmethod
+    def of(cls, y: Any, residual: Any, slope: Callable[[Any], Any]) -> "NormalEquations":
+        """At `y`, from how the residual changes with each unknown."""
         flat, unravel = ravel_pytree(y)
         units = jnp.eye(flat.size, dtype=flat.dtype)
         # Unknowns as the last axis: rows of them are long enough for a processor, points and rotations are not.
-        columns = jax.vmap(lambda unit: f_info.jac.mv(unravel(unit)), out_axes=-1)(units)
+        columns = jax.vmap(lambda unit: slope(unravel(unit)), out_axes=-1)(units)
         matrix, gradient = jnp.zeros((flat.size, flat.size), flat.dtype), jnp.zeros_like(flat)
         # Residuals one after the other: put into one matrix first, all would be copied.
-        for part, residual in zip(jax.tree.leaves(columns), jax.tree.leaves(f_info.residual), strict=True):
+        for part, value in zip(jax.tree.leaves(columns), jax.tree.leaves(residual), strict=True):
             rows = part.reshape(-1, flat.size)
-            matrix, gradient = matrix + rows.T @ rows, gradient + residual.ravel() @ rows
-        return NormalEquations(matrix, gradient)
+            matrix, gradient = matrix + rows.T @ rows, gradient + value.ravel() @ rows
+        return cls(matrix, unravel(gradient))
 
-    def step(self, step_size: Any, state: NormalEquations) -> tuple[Any, optx.RESULTS]:
-        """The step for a damping of one over `step_size`."""
-        eps = jnp.finfo(state.matrix.dtype).eps
-        damped = state.matrix + jnp.eye(len(state.gradient), dtype=state.matrix.dtype) / jnp.maximum(step_size, eps)
-        step = -jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(damped, lower=True), state.gradient)
-        solved = jnp.isfinite(step).all()
-        return step, optx.RESULTS.where(solved, optx.RESULTS.successful, optx.RESULTS.nonlinear_divergence)
+    def applied(self, change: Any) -> Any:
+        """``J^T J`` times a change of the unknowns."""
+        flat, unravel = ravel_pytree(change)
+        return unravel(self.matrix @ flat)
+
+    def step(self, step_size: Any) -> Any:
+        """The step for a damping of one over `step_size`, by Cholesky."""
+        gradient, unravel = ravel_pytree(self.gradient)
+        damped = self.matrix + jnp.eye(gradient.size, dtype=gradient.dtype) / not_zero(step_size, gradient)
+        return unravel(-jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(damped, lower=True), gradient))
 
 
-def _quiet(**_: Any) -> None:
-    """Say nothing. A function with a name: solvers go to other processes."""
+def not_zero(step_size: Any, like: Array) -> Float[Array, ""]:
+    """A step size that can be divided by."""
+    return jnp.maximum(step_size, jnp.finfo(like.dtype).eps)
 
 
-class LevenbergMarquardt(optx.AbstractGaussNewton):
+class _State(eqx.Module):
+    """Between two steps."""
+
+    first: Bool[Array, ""]
+    trial: Any
+    """The unknowns to look at next."""
+    search: Any
+    residual: Any
+    """At the unknowns that were accepted last, as are the equations."""
+    equations: Any
+    terminate: Bool[Array, ""]
+    result: optx.RESULTS
+
+
+class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     """Levenberg-Marquardt on normal equations; tolerances as in `optimistix.LevenbergMarquardt`."""
 
     rtol: float
     atol: float
     norm: Callable[[Any], Any] = optx.max_norm
-    descent: optx.AbstractDescent = DampedNormalDescent()
+    equations: type[AbstractEquations] = NormalEquations
     search: optx.ClassicalTrustRegion = eqx.field(default_factory=optx.ClassicalTrustRegion)
-    verbose: Callable[..., None] = _quiet
+
+    def init(
+        self, fn: Any, y: Any, args: Any, options: dict[str, Any], f_struct: Any, aux_struct: Any, tags: frozenset
+    ) -> _State:
+        """Nothing is known yet: the first trial is the start itself."""
+
+        def known(y: Any) -> tuple[Any, AbstractEquations]:
+            residual, slope, _ = jax.linearize(lambda y: fn(y, args), y, has_aux=True)
+            return residual, self.equations.of(y, residual, slope)
+
+        residual, equations = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), jax.eval_shape(known, y))
+        search = self.search.init(y, f_struct)
+        return _State(jnp.array(True), y, search, residual, equations, jnp.array(False), optx.RESULTS.successful)
+
+    def step(
+        self, fn: Any, y: Any, args: Any, options: dict[str, Any], state: _State, tags: frozenset
+    ) -> tuple[Any, _State, Any]:
+        """Look at the trial, accept or reject it, and make the next one."""
+        residual, slope, aux = jax.linearize(lambda y: fn(y, args), state.trial, has_aux=True)
+        # Of half the squared norm, residual by residual: the difference of two sums is but rounding near the end.
+        change = _half_product(_difference(residual, state.residual), jax.tree.map(jnp.add, residual, state.residual))
+        # So is what the arithmetic cannot tell from no change at all: there it ends.
+        nothing = jnp.finfo(change.dtype).eps * _half_product(state.residual, state.residual)
+        hessian = lx.FunctionLinearOperator(state.equations.applied, jax.eval_shape(lambda: y))
+        before = optx.FunctionInfo.EvalGradHessian(nothing, state.equations.gradient, hessian)
+        now = optx.FunctionInfo.Eval(change)
+        step_size, accept, _, search = self.search.step(state.first, y, state.trial, before, now, state.search)
+
+        def accepted() -> tuple[Any, Any, AbstractEquations, Bool[Array, ""]]:
+            moved, different = _difference(state.trial, y), _difference(residual, state.residual)
+            terminate = self._small(moved, state.trial) & self._small(different, residual)
+            return state.trial, residual, self.equations.of(state.trial, residual, slope), terminate
+
+        def rejected() -> tuple[Any, Any, AbstractEquations, Bool[Array, ""]]:
+            return y, state.residual, state.equations, jnp.array(False)
+
+        y, residual, equations, terminate = jax.lax.cond(accept, accepted, rejected)
+        step = equations.step(step_size)
+        finite = jnp.stack([jnp.isfinite(leaf).all() for leaf in jax.tree.leaves(step)]).all()
+        result = optx.RESULTS.where(finite, optx.RESULTS.successful, optx.RESULTS.nonlinear_divergence)
+        trial = jax.tree.map(jnp.add, y, step)
+        return y, _State(jnp.array(False), trial, search, residual, equations, terminate, result), aux
+
+    def _small(self, change: Any, value: Any) -> Bool[Array, ""]:
+        """Whether a change is within the tolerances."""
+        return (
+            self.norm(jax.tree.map(lambda c, v: jnp.abs(c) / (self.atol + self.rtol * jnp.abs(v)), change, value)) < 1
+        )
+
+    def terminate(
+        self, fn: Any, y: Any, args: Any, options: dict[str, Any], state: _State, tags: frozenset
+    ) -> tuple[Bool[Array, ""], optx.RESULTS]:
+        """Whether the last accepted step was within the tolerances."""
+        return state.terminate, state.result
+
+    def postprocess(
+        self,
+        fn: Any,
+        y: Any,
+        aux: Any,
+        args: Any,
+        options: dict[str, Any],
+        state: _State,
+        tags: frozenset,
+        result: optx.RESULTS,
+    ) -> tuple[Any, Any, dict[str, Any]]:
+        """Nothing more to do."""
+        return y, aux, {}
+
+
+def _difference(one: Any, other: Any) -> Any:
+    return jax.tree.map(jnp.subtract, one, other)
+
+
+def _half_product(one: Any, other: Any) -> Float[Array, ""]:
+    return 0.5 * jnp.stack([(a * b).sum() for a, b in zip(*map(jax.tree.leaves, (one, other)), strict=True)]).sum()
 
 
 def default_solver() -> optx.AbstractLeastSquaresSolver:

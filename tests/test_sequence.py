@@ -43,6 +43,8 @@ def test_the_band_solver_is_the_dense_one(frames):
     with jax.enable_x64(True):
         equations = BandedEquations(beside(0), beside(1), beside(2), jnp.asarray(gradient))
         found = solve_banded(equations)
+        change = rng.normal(size=(frames, count))
+        np.testing.assert_allclose(np.ravel(equations.applied(jnp.asarray(change))), dense @ change.ravel(), rtol=1e-9)
     np.testing.assert_allclose(np.ravel(found), np.linalg.solve(dense, gradient.ravel()), rtol=1e-9, atol=1e-12)
 
 
