@@ -5,11 +5,13 @@ takes longer than all else that goes on before the first pose. Here a function i
 the code that it is made of. It is kept where JAX keeps what it compiles, if JAX is told to keep anything.
 """
 
+import ctypes
 import hashlib
 import io
 import os
 import pickle
 import platform
+import sys
 import warnings
 from collections.abc import Callable, Hashable
 from functools import cache, update_wrapper
@@ -112,6 +114,7 @@ class Kept(Generic[P, R]):
                 file.write(hashlib.sha256(content).digest() + content)
         except (OSError, ValueError, NotImplementedError) as error:
             warnings.warn(f"{path}: a compiled function could not be kept ({error})", stacklevel=4)
+        _give_memory_back()
         return lambda leaves: jax.tree.unflatten(result, compiled(*leaves))
 
     def _read(self, path: Path, arguments: int) -> Callable[[list[Any]], R] | None:
@@ -187,6 +190,12 @@ def processor() -> str:
     except (OSError, StopIteration):
         kind = platform.processor()
     return f"{platform.machine()} {kind}"
+
+
+def _give_memory_back() -> None:
+    """Have glibc return what the compiler has freed: it would keep some hundred megabytes for later."""
+    if sys.platform == "linux" and hasattr(library := ctypes.CDLL(None), "malloc_trim"):
+        library.malloc_trim(0)
 
 
 @cache
