@@ -1,6 +1,7 @@
 """What the silhouettes' outlines say to a body with volume: viewing rays that graze it."""
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import equinox as eqx
 import numpy as np
@@ -69,22 +70,22 @@ def _write_directions(
         if box is None or lost[camera]:
             continue
         width, height = cameras.size[camera]
-        points, seen = _outline_in(packed[:height], int(width), box), None
+        steps, seen = _steps_in(packed[:height], int(width), box), None
         if bent[camera]:  # only what the lens shows one-to-one
-            seen = rays(cameras, camera, points)
-            there = np.isfinite(seen).all(1)
-            points, seen = points[there], seen[there]
-        if len(points):
-            views.append((camera, points, seen))
+            seen = rays(cameras, camera, steps.points)
+            there = np.flatnonzero(np.isfinite(seen).all(1))
+            steps, seen = steps.some(there), seen[there]
+        if len(steps.place):
+            views.append((camera, steps, seen))
     if not views:
         return None
     which, uv = np.zeros(len(directions), int), np.zeros((len(directions), 2))
     ends = np.linspace(0, len(directions), len(views) + 1).astype(int).tolist()
-    for (camera, points, seen), first, end in zip(views, ends[:-1], ends[1:], strict=True):
-        some = _drawn(len(points), end - first)
-        which[first:end], uv[first:end] = camera, points[some]
+    for (camera, steps, seen), first, end in zip(views, ends[:-1], ends[1:], strict=True):
+        drawn = _drawn(len(steps.place), end - first)
+        which[first:end], uv[first:end] = camera, steps.some(drawn).points
         if seen is not None:
-            directions[first:end] = seen[some]
+            directions[first:end] = seen[drawn]
     # All views without distortion at once.
     straight = np.flatnonzero(~bent[which])
     directions[straight] = rays(cameras, which[straight], uv[straight])
@@ -102,18 +103,39 @@ def _drawn(points: int, share: int) -> Int[np.ndarray, " share"]:
 def outline(packed: UInt8[np.ndarray, "h w8"], width: int) -> Float[np.ndarray, "n 2"]:
     """Points (u, v) between neighbouring pixels of which one is person, the other background (px)."""
     box = person_boxes(packed)[0]
-    return np.zeros((0, 2)) if box is None else _outline_in(packed, width, box)
+    return np.zeros((0, 2)) if box is None else _steps_in(packed, width, box).points
 
 
-def _outline_in(packed: UInt8[np.ndarray, "h w8"], width: int, box: Box) -> Float[np.ndarray, "n 2"]:
+class _Steps(NamedTuple):
+    """Places of an outline, most of which nobody draws."""
+
+    place: Int[np.ndarray, " n"]
+    """Of the pixel to the left of it or above it, row after row of some part of an image."""
+    below: Bool[np.ndarray, " n"]
+    """Whether the other pixel is the one below, not the one to the right."""
+    part: tuple[int, int, int]
+    """Number of columns, first column and first row of that part."""
+
+    def some(self, which: Int[np.ndarray, " some"]) -> "_Steps":
+        return _Steps(self.place[which], self.below[which], self.part)
+
+    @property
+    def points(self) -> Float[np.ndarray, "n 2"]:
+        """Columns and rows half-way between the two pixels (px)."""
+        width, left, top = self.part
+        v, u = np.divmod(self.place, width)
+        half = 0.5 * self.below
+        return np.stack([u + (left + 0.5) - half, v + top + half], 1)
+
+
+def _steps_in(packed: UInt8[np.ndarray, "h w8"], width: int, box: Box) -> _Steps:
     top, bottom, left, right = box
     top, left = max(top - 1, 0), max(left - 1, 0)
     near = unpacked_box(packed, top, bottom + 1, left, min(right + 1, width))
-    beside, below = _places(near[:, 1:] ^ near[:, :-1]), _places(near[1:] ^ near[:-1])
-    return np.concatenate([beside + [left + 0.5, top], below + [left, top + 0.5]])
-
-
-def _places(there: Bool[np.ndarray, "rows columns"]) -> Int[np.ndarray, "n 2"]:
-    """Column and row of what is true. In one row of numbers it is found several times as fast."""
-    v, u = np.divmod(np.flatnonzero(there), there.shape[1])
-    return np.stack([u, v], 1)
+    # In one row of numbers what is true is found several times as fast; the last one has no right neighbour.
+    row = near.ravel()
+    beside = row[1:] ^ row[:-1]
+    beside[near.shape[1] - 1 :: near.shape[1]] = False
+    across, down = np.flatnonzero(beside), np.flatnonzero(near[1:] ^ near[:-1])
+    places = np.concatenate([across, down])
+    return _Steps(places, np.arange(len(places)) >= len(across), (near.shape[1], left, top))

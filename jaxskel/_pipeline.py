@@ -219,7 +219,7 @@ def _by_search(work: Work, search: Search, fps: float, track: Track | None) -> t
         )
         observed = on_device(observed)
     fallback = graphless_poses(middles, prepared.skeleton)
-    costs, model = prepared.costs, make_model(prepared.body)
+    costs, model = prepared.costs, prepared.model or make_model(prepared.body)
     search = search.relative_to(None if costs is None else costs.low)
     with work.stopwatch("search"):
         if tracking is None:

@@ -19,6 +19,7 @@ from ._recording import Recording, rotation_to_z_up
 from ._settings import Settings
 from ._silhouettes import Silhouettes
 from ._skeleton import default_adult
+from ._solve import make_model
 from ._starts import graphless_poses, start_poses
 from ._stature import estimate_stature
 from ._views import lost_views, silhouette_areas
@@ -61,7 +62,8 @@ def prepare(recording: Recording, settings: Settings) -> Prepared:
     skeleton = recording.skeleton or default_adult()
     body = settings.body or make_body(skeleton)
     prepared = Prepared(to_z_up, table, edge, max_misses, skeleton, known, body, None)
-    return _with_subject(prepared, cameras, silhouettes, settings)
+    prepared = _with_subject(prepared, cameras, silhouettes, settings)
+    return prepared if settings.search is None else replace(prepared, model=make_model(prepared.body))
 
 
 def _with_subject(prepared: Prepared, cameras: Cameras, recorded: Silhouettes, settings: Settings) -> Prepared:

@@ -8,6 +8,7 @@ from ._body import Body
 from ._calibrate import Costs
 from ._projection import ProjectionTable
 from ._skeleton import Skeleton
+from ._solve import Model
 
 
 class Prepared(eqx.Module):
@@ -28,3 +29,5 @@ class Prepared(eqx.Module):
     """The template with flesh: calibrated, unless the paper's method needs none or too few frames show the subject."""
     costs: Costs | None
     """What poses of this subject cost; None where the body is not calibrated."""
+    model: Model | None = None
+    """The body, ready for the search; None where nothing is searched for."""
