@@ -9,16 +9,18 @@ from contextlib import chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
 from unittest.mock import patch
 
+import equinox as eqx
 import jaxtyping
 import numpy as np
 import pytest
+from exported import moving
 from measured import film_person, other_person
 from rich.console import Console
 
-from jaxskel import JOINT_NAMES, STATUS_NAMES
+from jaxskel import JOINT_NAMES, STATUS_NAMES, Settings, paper_settings
 from jaxskel.cli import main
 from jaxskel.cli._demo import _speed
-from jaxskel.cli._progress import StageTimes
+from jaxskel.cli._progress import StageTimes, doubt
 from jaxskel.io import read_body, read_poses, read_subject, read_truth, write_recording
 from jaxskel.synthetic import make_scene
 
@@ -149,6 +151,15 @@ def test_preset_paper_takes_a_raised_hand_for_the_head(folder, ran):
         heads[output] = np.linalg.norm(joints[:, 2], axis=-1).max()
     assert heads["out"] < 0.05
     assert heads["paper"] > 0.1
+
+
+@pytest.mark.parametrize(("settings", "word"), [(Settings(), "silhouettes"), (paper_settings(), "preset")])
+def test_what_to_do_about_poses_of_low_confidence_depends_on_how_they_were_made(settings, word):
+    sure = moving(12)
+    assert doubt(sure, settings) is None
+    unsure = eqx.tree_at(lambda p: p.confidence, sure, np.full_like(sure.confidence, 0.3))
+    assert word in (doubt(unsure, settings) or "")
+    assert doubt(moving(12, without=tuple(range(12))), settings) is None  # that is another message
 
 
 def test_black_recording_exits_with_1_and_advice(tmp_path):

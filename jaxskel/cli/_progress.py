@@ -99,8 +99,10 @@ def summary(poses: Poses, times: StageTimes) -> str:
     return f"{len(poses)} frames, {with_pose} with a pose, {len(poses) - with_pose} without{kinds}{sure}; {times}"
 
 
-def doubt(poses: Poses) -> str | None:
+def doubt(poses: Poses, settings: Settings) -> str | None:
     """What to think of if most poses are not to be trusted."""
     if not poses.has_pose.any() or poses.typical_confidence > _DOUBTFUL:
         return None
+    if settings.search is None:
+        return "most poses have a low confidence: leave out --preset paper, whose graph alone decides where limbs are"
     return "most poses have a low confidence: do the silhouettes show more than the person, a chair for instance?"

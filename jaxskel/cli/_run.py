@@ -71,7 +71,7 @@ def run(
     if not prepared.skeleton_is_known:
         print(f"{recording.name}: unknown subject, an average adult of {prepared.skeleton.stature:.2f} m was fitted")
     print(f"{archive}, {table}: {summary(poses, times)}")
-    warning = doubt(poses)
+    warning = doubt(poses, settings)
     if warning:
         print(f"jaxskel: {source}: {warning}", file=sys.stderr)
     problem = advice(poses, recording)
