@@ -88,6 +88,7 @@ keep_compiled()
 from _presets import PRESETS
 from jaxskel import read_recording, reconstruct_batches
 next(iter(reconstruct_batches(read_recording(sys.argv[1]), PRESETS[sys.argv[2]].settings())))
+print("here", flush=True)
 """
 
 
@@ -96,10 +97,14 @@ def start_up(path: Path, preset: str, repeat: int = 3) -> float:
     times = []
     for _ in range(1 + repeat):
         start = time.perf_counter()
-        subprocess.run(
+        with subprocess.Popen(
             [sys.executable, "-c", _FIRST_POSE, str(path), preset],
-            check=True,
+            stdout=subprocess.PIPE,
             env=os.environ | {"PYTHONPATH": str(Path(__file__).parent)},
-        )
-        times.append(time.perf_counter() - start)
+        ) as process:
+            assert process.stdout is not None
+            told = process.stdout.readline()
+            times.append(time.perf_counter() - start)
+        if not told:
+            raise RuntimeError(f"{path}: no pose")
     return float(np.median(times[1:]))
