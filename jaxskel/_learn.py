@@ -47,7 +47,7 @@ def learn_weights(
     labels: Float[np.ndarray, "frames joints=15 3"],
     solver: Solver | None = None,
     rounds: int = 3,
-    max_steps: int = 40,
+    max_steps: int = 100,
     iterations: int = 20,
 ) -> Learned:
     """Choose the weights with which the refined joints come nearest to labels, by L-BFGS on their logarithms.

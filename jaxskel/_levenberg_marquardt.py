@@ -18,6 +18,9 @@ import optimistix as optx
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, PyTree
 
+# How often the precision of its numbers a cost is rounded by, having gone through positions, rotations and sums.
+_ROUNDING = 4
+
 
 class AbstractEquations(eqx.Module):
     """``J^T J`` and ``J^T r`` of a linearised problem, in whatever form suits it."""
@@ -119,15 +122,19 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         residual, slope, aux = jax.linearize(lambda y: fn(y, args), state.trial, has_aux=True)
         # Of half the squared norm, residual by residual: the difference of two sums is but rounding near the end.
         change = _half_product(_difference(residual, state.residual), jax.tree.map(jnp.add, residual, state.residual))
-        # So is what the arithmetic cannot tell from no change at all: there it ends.
+        # What the arithmetic cannot tell from no change at all. A step that promises no more cannot be judged: that is
+        # the end too, or solves would wander about in the rounding.
         nothing = jnp.finfo(change.dtype).eps * _half_product(state.residual, state.residual)
+        moved = _difference(state.trial, y)
+        curved = jax.tree.map(lambda g, c: 2 * g + c, state.equations.gradient, state.equations.applied(moved))
+        idle = ~state.first & (-_half_product(moved, curved) <= _ROUNDING * nothing)
         hessian = lx.FunctionLinearOperator(state.equations.applied, jax.eval_shape(lambda: y))
         before = optx.FunctionInfo.EvalGradHessian(nothing, state.equations.gradient, hessian)
         now = optx.FunctionInfo.Eval(change)
         step_size, accept, _, search = self.search.step(state.first, y, state.trial, before, now, state.search)
 
         def accepted() -> tuple[Any, Any, AbstractEquations, Bool[Array, ""]]:
-            moved, different = _difference(state.trial, y), _difference(residual, state.residual)
+            different = _difference(residual, state.residual)
             terminate = self._small(moved, state.trial) & self._small(different, residual)
             return state.trial, residual, self.equations.of(state.trial, residual, slope), terminate
 
@@ -139,7 +146,7 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         finite = jnp.stack([jnp.isfinite(leaf).all() for leaf in jax.tree.leaves(step)]).all()
         result = optx.RESULTS.where(finite, optx.RESULTS.successful, optx.RESULTS.nonlinear_divergence)
         trial = jax.tree.map(jnp.add, y, step)
-        return y, _State(jnp.array(False), trial, search, residual, equations, terminate, result), aux
+        return y, _State(jnp.array(False), trial, search, residual, equations, terminate | idle, result), aux
 
     def _small(self, change: Any, value: Any) -> Bool[Array, ""]:
         """Whether a change is within the tolerances."""
@@ -150,7 +157,7 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     def terminate(
         self, fn: Any, y: Any, args: Any, options: dict[str, Any], state: _State, tags: frozenset
     ) -> tuple[Bool[Array, ""], optx.RESULTS]:
-        """Whether the last accepted step was within the tolerances."""
+        """Whether the last accepted step was within the tolerances, or the last one promised next to nothing."""
         return state.terminate, state.result
 
     def postprocess(

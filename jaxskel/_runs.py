@@ -8,7 +8,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Int
 
-from ._cells import connected
+from ._connected import connected
 from ._grid import VoxelGrid
 from ._hull import VisualHulls
 

@@ -1,9 +1,14 @@
 import gc
+import signal
 
 import jax
 import pytest
 
 from jaxskel._kept import Kept
+
+# A shell that starts a job in the background lets it ignore interrupts, and all that the job starts.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(autouse=True, scope="session")
