@@ -34,6 +34,7 @@ from _whole import start_up, throughput
 
 from jaxskel import carve, paper_settings, prepare, read_recording, unpack_silhouettes
 from jaxskel._descriptors import describe_ends, template_ends
+from jaxskel._hull import VisualHulls
 from jaxskel._initialise import initial_poses
 from jaxskel._match import cost_matrices
 from jaxskel._observe import labelled_limbs, observed_graph, see_people, skeletal_graphs
@@ -91,8 +92,10 @@ class Bench:
         self._peer(contenders, "skimage skeletonize", lambda: skimage_thinning(few), _FEW, 7)
         self._peer(contenders, "kimimaro", lambda: kimimaro_skeletons(few), _FEW, 20)
         self.report.race("graph", contenders, self.repeat)
-        one = self.hulls[np.arange(1)]
-        contenders = [Contender("jaxskel", lambda: skeletal_graphs(one, self.roots[:1]), 1)]
+        own = np.flatnonzero(self.hulls.inside[0])
+        one = VisualHulls(self.hulls.voxels[own], np.ones((1, len(own)), bool), self.hulls.grid)
+        root = np.searchsorted(own, self.roots[:1])
+        contenders = [Contender("jaxskel", lambda: skeletal_graphs(one, root), 1)]
         self._peer(contenders, "skimage skeletonize", lambda: skimage_thinning(one), 1, 2)
         self.report.race("graph, one frame", contenders, self.repeat)
 

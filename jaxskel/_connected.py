@@ -18,10 +18,11 @@ def connected(
         root[np.minimum(one, other)] = np.maximum(one, other)
         while True:
             farther = root.take(root)
-            if (farther == root).all():
+            farther = farther.take(farther)
+            if not np.count_nonzero(farther != root):
                 break
             root = farther
         one, other = root.take(one), root.take(other)
-        apart = np.flatnonzero(one != other)
+        apart = (one != other).nonzero()[0]
         one, other = one.take(apart), other.take(apart)
-    return (np.cumsum(root == np.arange(count)) - 1).take(root)
+    return ((root == np.arange(count)).cumsum() - 1).take(root)

@@ -5,9 +5,9 @@ as for the largest one.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
@@ -16,11 +16,19 @@ from jaxtyping import Bool, Float, Int
 class Tree(Protocol):
     """Nodes of which each stands behind its parent; node 0 is the root."""
 
-    positions: Float[np.ndarray, "nodes 3"]
-    parents: Int[np.ndarray, " nodes"]
+    @property
+    def positions(self) -> Float[np.ndarray, "nodes 3"]:
+        """Nodes in the world (m)."""
+        ...
+
+    @property
+    def parents(self) -> Int[np.ndarray, " nodes"]:
+        """Parent of each node; negative for the root."""
+        ...
 
 
-class Forest(eqx.Module):
+@dataclass(frozen=True, eq=False)
+class Forest:
     """Trees padded to the same number of nodes."""
 
     positions: Float[np.ndarray, "trees nodes 3"]
@@ -94,11 +102,16 @@ class Forest(eqx.Module):
         At every branching node the deepest branch goes on; another branch is removed with all that hangs on it where
         it reaches less than `min_length` (m) beyond the branching node.
         """
-        rows, lengths = np.arange(len(self.parents)), self.edge_lengths
-        reach = np.zeros_like(lengths)  # how far the subtree below a node reaches
-        for node in range(lengths.shape[1] - 1, 0, -1):
-            parent = self.parents[:, node]
-            reach[rows, parent] = np.maximum(reach[rows, parent], reach[:, node] + lengths[:, node])
+        lengths = self.edge_lengths
+        # Node by node of all trees side by side.
+        up = (self.parents * len(lengths) + np.arange(len(lengths))[:, None]).T.copy()
+        edges = lengths.T.copy()
+        below = np.zeros_like(edges)  # how far the subtree below a node reaches
+        flat = below.reshape(-1)
+        for node in range(len(up) - 1, 0, -1):
+            parent = up[node]
+            flat[parent] = np.maximum(flat.take(parent), below[node] + edges[node])
+        reach = below.T
         through = reach + lengths
         # Of the children through which a node reaches farthest the first one goes on; the root is nobody's child.
         trees, farthest = np.nonzero(self.real & (through == np.take_along_axis(reach, self.parents, 1)))

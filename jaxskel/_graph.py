@@ -1,15 +1,16 @@
 """The skeletal graph: a tree of centre-line nodes rooted at the head, its geodesics, its end nodes, its pruning."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
-import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ._forest import forest_of
 
 
-class SkeletalGraph(eqx.Module):
+@dataclass(frozen=True, eq=False)
+class SkeletalGraph:
     """A tree of nodes along the centre-lines of a body (the paper's G). A parent stands before its children."""
 
     positions: Float[np.ndarray, "nodes 3"]

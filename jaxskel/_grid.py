@@ -42,7 +42,9 @@ class VoxelGrid(eqx.Module):
 
 
 def make_grid(lower: np.ndarray, upper: np.ndarray, spacing: float) -> VoxelGrid:
-    """The smallest grid that covers a box, its planes at whole multiples of the spacing.
+    """The smallest grid that covers a box and begins at whole even multiples of the spacing.
+
+    So wherever a grid begins, its voxels lie as in any other grid of that spacing, and pairs of voxels do too.
 
     Args:
         lower: Lower corner of the box (m).
@@ -57,7 +59,7 @@ def make_grid(lower: np.ndarray, upper: np.ndarray, spacing: float) -> VoxelGrid
         raise ValueError(f"voxel spacing {spacing} m: give metres between 0.001 and 1, 0.015 is the usual choice")
     if not (np.isfinite(lower).all() and np.isfinite(upper).all() and (upper > lower).all()):
         raise ValueError(f"the box from {lower} to {upper} is empty or not finite")
-    first = np.floor(lower / spacing + 1e-9)
+    first = 2 * np.floor(lower / (2 * spacing) + 1e-9)
     cells = np.maximum(np.ceil(upper / spacing - 1e-9) - first, 1)
     if np.prod(cells) > MAX_VOXELS:
         raise ValueError(

@@ -15,9 +15,9 @@ from ._skeleton import JOINT_NAMES, Skeleton
 PATH_POINTS = 32
 HEAD, L_HAND, R_HAND, L_FOOT, R_FOOT = range(5)
 
-END_NODE_REACH = 0.65
-"""Where between the last joint (0) and the tip (1) an end node comes to lie: scooping moves a node only part of the
-way to its cluster's centroid, so the last one stops short of the surface by about the radius of the tip."""
+END_NODE_REACH = 0.7
+"""Where between the last joint (0) and the tip (1) an end node comes to lie: the mean of its cluster's outermost voxels
+is short of the surface by about one of them, and what the cameras see of a tip ends short of it, too."""
 
 PAPER_DESCRIPTOR = (HEAD, L_HAND, R_HAND, L_FOOT, R_FOOT)
 """The end nodes that describe neck and pelvis in Eq. 5."""

@@ -52,7 +52,7 @@ class Seen(eqx.Module):
 
 
 def skeletal_graphs(
-    hulls: VisualHulls, roots: Int[np.ndarray, " frames"], min_branch: float = 0.2
+    hulls: VisualHulls, roots: Int[np.ndarray, " frames"], min_branch: float = 0.24
 ) -> list[SkeletalGraph]:
     """Scoop the graph of each hull and prune it (Sect. 3.1)."""
     graphs = prune_all(scoop(hulls, roots), min_branch)

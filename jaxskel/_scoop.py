@@ -27,7 +27,10 @@ def scoop(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[Skeleta
     """Extract the skeletal graph of each hull.
 
     Node positions follow the paper's source: ``N = P + 0.5^s (centroid - P)`` with the parent node P and the ratio s
-    of the smaller to the larger cluster extent of the two, which keeps nodes on the centre-line. Where two clusters
+    of the smaller to the larger cluster extent of the two, which keeps nodes on the centre-line. But end nodes
+    come to lie in the middle of the outermost voxels of their clusters, of all those together that have the same
+    parent: how much of a limb is left for the last round, and into how many corners that falls, is chance, where the
+    limb ends is not. Where two clusters
     reach for the same cell, the one of the earlier node gets it; new nodes are numbered by frame, parent node,
     decreasing number of cells, then first cell, so the same voxels always give the same graph.
 
@@ -56,13 +59,14 @@ def scoop(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[Skeleta
 
 
 def _scoop(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[SkeletalGraph]:
-    cells = cells_of(hulls, roots)
+    cells, seeds = cells_of(hulls, roots)
     wave = Wave(cells)
     frames = np.arange(len(hulls))
     start = np.asarray(hulls.grid.origin) + hulls.grid.spacing * (hulls.voxels[roots] + 0.5)
     nodes = _Nodes(frames, start, hulls.grid.spacing)
-    wave.close(cells.of_roots)
-    reached, owners = wave.step(cells.of_roots, frames)
+    wave.close(seeds)
+    reached, owners = wave.seen(seeds, frames)
+    wave.close(reached)
     while len(reached):
         labels, parents = _ranked(wave.components(reached, owners), owners)
         made, radius = nodes.place(cells, reached.take(stable_order(labels)), np.bincount(labels), parents)
@@ -70,14 +74,17 @@ def _scoop(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[Skelet
         # Grow: what lies too far from the node is left for the next round, with the cluster that saw it.
         front, owners = reached, labels
         later: list[tuple[np.ndarray, np.ndarray]] = []
+        nodes.hold(front, owners)
         while len(front):
-            front, owners = wave.step(front, owners)
-            far = _lengths(cells.middles.take(front, 0) - made.take(owners, 0)) >= radius.take(owners)
+            front, owners = wave.seen(front, owners)
+            far = _lengths(cells.middles(front) - made.take(owners, 0)) >= radius.take(owners)
             near, beyond = (~far).nonzero()[0], far.nonzero()[0]
             later.append((front.take(beyond), owners.take(beyond)))
-            wave.reopen(later[-1][0])
             front, owners = front.take(near), owners.take(near)
+            wave.close(front)
+            nodes.hold(front, owners)
         reached, owners = wave.close_first(*(np.concatenate(arrays) for arrays in zip(*later, strict=True)))
+    nodes.move_ends(cells)
     return nodes.graphs(len(hulls))
 
 
@@ -109,6 +116,7 @@ class _Nodes:
         self.parents = [np.full(len(frames), -1)]
         self.extents = [np.full(len(frames), np.sqrt(3) * spacing)]
         self._first = 0  # number of the first node of the last round
+        self._held = [(frames[:0], frames[:0])]
 
     def place(
         self,
@@ -128,10 +136,9 @@ class _Nodes:
         Returns:
             Their positions, and the distance of each from the farthest of its cells (m).
         """
-        starts = np.cumsum(sizes) - sizes
-        middles, counts = cells.middles.take(members, 0), cells.counts(members)[:, None]
-        centroid = np.add.reduceat(middles * counts, starts) / np.add.reduceat(counts, starts)
-        low, high = cells.extents(members)
+        starts = sizes.cumsum() - sizes
+        counts, (low, high, middles) = cells.measured(members)
+        centroid = np.add.reduceat(middles * counts[:, None], starts) / np.add.reduceat(counts, starts)[:, None]
         extent = _lengths(np.maximum.reduceat(high, starts) - np.minimum.reduceat(low, starts))
         start, before = self.positions[-1][parents], self.extents[-1][parents]
         s = np.minimum(extent, before) / np.maximum(extent, before)
@@ -144,6 +151,31 @@ class _Nodes:
         self.extents.append(extent)
         self._first += count
         return position, radius
+
+    def hold(self, some: Int[np.ndarray, " n"], owners: Int[np.ndarray, " n"]) -> None:
+        """Cells of the clusters of the last round, and whose they are."""
+        self._held.append((some, owners + self._first))
+
+    def move_ends(self, cells: Cells) -> None:
+        """Put end nodes where their clusters' outermost voxels are, two deep as seen from the parent they share."""
+        positions, parents = np.concatenate(self.positions), np.concatenate(self.parents)
+        last = parents >= 0
+        last[parents[last]] = False
+        ends = last.nonzero()[0]
+        starts, limb_of_end = np.unique(parents.take(ends), return_inverse=True)
+        limb = np.zeros(len(parents), np.int64)
+        limb[ends] = limb_of_end
+        held, owners = (np.concatenate(arrays) for arrays in zip(*self._held, strict=True))
+        mine = last.take(owners).nonzero()[0]
+        counts, (_, _, middles) = cells.measured(held.take(mine))
+        limbs = limb.take(owners.take(mine))
+        away = _lengths(middles - positions.take(starts, 0).take(limbs, 0))
+        farthest = np.zeros(len(starts))
+        np.maximum.at(farthest, limbs, away)
+        weights = counts * (away > farthest.take(limbs) - 2 * cells.spacing)
+        sums = np.stack([np.bincount(limbs, weights * along, len(starts)) for along in middles.T], 1)
+        positions[ends] = (sums / np.bincount(limbs, weights, len(starts))[:, None]).take(limb_of_end, 0)
+        self.positions = [positions]
 
     def graphs(self, count: int) -> list[SkeletalGraph]:
         """One graph for each frame."""

