@@ -41,6 +41,7 @@ def scipy_refinement(
     initial: Pose,
     observed: Observed,
     rounds: int,
+    ftol: float,
 ) -> Callable[[], np.ndarray]:
     """MINPACK's Levenberg-Marquardt, frame by frame, residual and Jacobian jitted; gives what each frame costs."""
 
@@ -57,14 +58,14 @@ def scipy_refinement(
     def one(pose: Pose, frame: Observed) -> float:
         for _ in range(rounds):
             args = pose, frame, correspond(pose, frame)
-            # As tight as a default of a user who wants millimetres.
+            # Millimetres, and no less of the cost than ours.
             solution = least_squares(
                 lambda u, args=args: np.asarray(value(u.astype(np.float32), *args), float),
                 zeros,
                 lambda u, args=args: np.asarray(jacobian(u.astype(np.float32), *args), float),  # pyright: ignore
                 method="lm",
                 xtol=3e-3,
-                ftol=1e-3,
+                ftol=ftol,
             )
             pose = moved(solution.x.astype(np.float32), pose)
         return float(cost(pose, frame))

@@ -32,7 +32,7 @@ from _peers_pose import dtaidistance_matrices, scipy_refinement
 from _presets import PRESETS
 from _whole import start_up, throughput
 
-from jaxskel import carve, paper_settings, prepare, read_recording, unpack_silhouettes
+from jaxskel import LevenbergMarquardt, carve, paper_settings, prepare, read_recording, unpack_silhouettes
 from jaxskel._descriptors import describe_ends, template_ends
 from jaxskel._hull import VisualHulls
 from jaxskel._initialise import initial_poses
@@ -128,7 +128,9 @@ class Bench:
         )
         few = taken((initial, observed), np.arange(8))
         contenders = [Contender("jaxskel", lambda: jax.block_until_ready(ours()), 64)]
-        scipy = lambda: scipy_refinement(objective, s.parametrisation, skeleton, few[0], few[1], s.rounds)  # noqa: E731
+        assert isinstance(s.solver, LevenbergMarquardt)
+        loops = s.rounds, s.solver.ftol
+        scipy = lambda: scipy_refinement(objective, s.parametrisation, skeleton, *few, *loops)  # noqa: E731
         self._peer(contenders, "SciPy LM, jitted", scipy, 8, 4)
         refined, theirs = self.report.race("refine", contenders, self.repeat)
         costs = np.asarray(sum(refined.costs.values()))[:8]

@@ -94,10 +94,13 @@ class _State(eqx.Module):
 
 
 class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
-    """Levenberg-Marquardt on normal equations; tolerances as in `optimistix.LevenbergMarquardt`."""
+    """Levenberg-Marquardt on normal equations; tolerances as in `optimistix.LevenbergMarquardt`, and one more."""
 
     rtol: float
     atol: float
+    ftol: float = 0.0
+    """A solve ends, too, with a step that promises to lower the cost by less than this share of it. With large
+    residuals steps go on getting shorter by little for long, to no avail."""
     norm: Callable[[Any], Any] = optx.max_norm
     equations: type[AbstractEquations] = NormalEquations
     search: optx.ClassicalTrustRegion = eqx.field(default_factory=optx.ClassicalTrustRegion)
@@ -127,7 +130,8 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         nothing = jnp.finfo(change.dtype).eps * _half_product(state.residual, state.residual)
         moved = _difference(state.trial, y)
         curved = jax.tree.map(lambda g, c: 2 * g + c, state.equations.gradient, state.equations.applied(moved))
-        idle = ~state.first & (-_half_product(moved, curved) <= _ROUNDING * nothing)
+        little = jnp.maximum(_ROUNDING * nothing, self.ftol * _half_product(state.residual, state.residual))
+        idle = ~state.first & (-_half_product(moved, curved) <= little)
         hessian = lx.FunctionLinearOperator(state.equations.applied, jax.eval_shape(lambda: y))
         before = optx.FunctionInfo.EvalGradHessian(nothing, state.equations.gradient, hessian)
         now = optx.FunctionInfo.Eval(change)
@@ -157,7 +161,7 @@ class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     def terminate(
         self, fn: Any, y: Any, args: Any, options: dict[str, Any], state: _State, tags: frozenset
     ) -> tuple[Bool[Array, ""], optx.RESULTS]:
-        """Whether the last accepted step was within the tolerances, or the last one promised next to nothing."""
+        """Whether the last accepted step was within the tolerances, or the last one promised too little."""
         return state.terminate, state.result
 
     def postprocess(

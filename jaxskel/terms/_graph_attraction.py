@@ -17,7 +17,7 @@ _ATTRACTED = {
 }  # fmt: skip
 # 32 bits, because JAX mixes up wider indices when float64 is switched on after the first use.
 _ENDS = np.array([JOINT_NAMES.index(name) for name in _ATTRACTED], np.int32)
-_STARTS = np.array(JOINT_PARENTS, np.int32)[_ENDS]
+_BONES = np.stack([np.array(JOINT_PARENTS, np.int32)[_ENDS], _ENDS], 1)
 _PATHS = np.array(list(_ATTRACTED.values()), np.int32)
 # Where along the bone. The bone from knee to ball of foot leaves the centre-line, which bends at the ankle.
 _PLACES = np.stack([np.linspace(0.0, 0.4, 5) if name.endswith("foot") else np.linspace(0.2, 1.0, 5)
@@ -33,9 +33,10 @@ class GraphAttraction(AbstractTerm):
 
     def correspond(
         self, body: PlacedBody, observed: Observed
-    ) -> tuple[Float[Array, "bones=10 samples=5 3"], Float[Array, "bones=10 samples=5"]]:
-        """Closest point of each sample and its robust weight."""
-        samples = _samples(body)
+    ) -> tuple[Float[Array, "bones=10 2 2"], Float[Array, "bones=10 2 3"], Float[Array, " bones=10"]]:
+        """What `residual` needs of the closest point of each sample and its robust weight: see `_condensed`."""
+        places, ends = jnp.asarray(_PLACES), body.joints[_BONES]
+        samples = (1 - places)[..., None] * ends[:, :1] + places[..., None] * ends[:, 1:]
         paths = observed.paths[_PATHS]
         start, along = paths[:, None, :-1], (paths[:, 1:] - paths[:, :-1])[:, None]
         squared = jnp.maximum((along * along).sum(-1), 1e-12)
@@ -45,19 +46,43 @@ class GraphAttraction(AbstractTerm):
         nearest = jnp.argmin(distance, -1)[..., None]
         closest = jnp.take_along_axis(points, nearest[..., None], 2)[:, :, 0]
         robust = 1 / (1 + jnp.take_along_axis(distance, nearest, 2)[..., 0] / self.scale**2)
-        return closest, robust * observed.found[_PATHS][:, None]
+        # As a mean over the samples of a bone.
+        weights = robust * observed.found[_PATHS][:, None] / np.sqrt(_PLACES.shape[1])
+        return _condensed(weights[..., None] * jnp.stack([1 - places, places], -1), weights[..., None] * closest)
 
     def residual(
         self,
         body: PlacedBody,
         observed: Observed,
-        fixed: tuple[Float[Array, "bones=10 samples=5 3"], Float[Array, "bones=10 samples=5"]],
-    ) -> Float[Array, "bones=10 samples=5 3"]:
-        """Weighted distances (m), as a mean over the samples of a bone."""
-        closest, robust = fixed
-        return robust[..., None] * (_samples(body) - closest) / np.sqrt(_PLACES.shape[1])
+        fixed: tuple[Float[Array, "bones=10 2 2"], Float[Array, "bones=10 2 3"], Float[Array, " bones=10"]],
+    ) -> Float[Array, "bones=10 7"]:
+        """Seven numbers for each bone with the norm of the weighted distances of its samples (m)."""
+        triangle, goals, rest = fixed
+        off = (triangle @ body.joints[_BONES] - goals).reshape(-1, 6)
+        return jnp.concatenate([off, rest[:, None]], -1)
 
 
-def _samples(body: PlacedBody) -> Float[Array, "bones=10 samples=5 3"]:
-    start, end = body.joints[_STARTS][:, None], body.joints[_ENDS][:, None]
-    return start + _PLACES[..., None] * (end - start)
+def _condensed(
+    shares: Float[Array, "bones samples 2"], goals: Float[Array, "bones samples 3"]
+) -> tuple[Float[Array, "bones 2 2"], Float[Array, "bones 2 3"], Float[Array, " bones"]]:
+    """A QR decomposition: ``|shares @ ends - goals|`` is ``|triangle @ ends - q^T goals|`` and a rest that stays.
+
+    Samples lie on a line, so that of as many as one likes no more than its two ends is left to be solved for.
+    """
+    first, second = shares[..., 0], shares[..., 1]
+    length = _norm(first)
+    one = first / jnp.maximum(length, 1e-12)[:, None]
+    common = (one * second).sum(-1)
+    across = second - common[:, None] * one
+    width = _norm(across)
+    two = across / jnp.maximum(width, 1e-12)[:, None]
+    triangle = jnp.stack([jnp.stack([length, common], -1), jnp.stack([jnp.zeros_like(width), width], -1)], 1)
+    basis = jnp.stack([one, two], 1)
+    found = basis @ goals
+    return triangle, found, _norm((goals - basis.swapaxes(1, 2) @ found).reshape(len(goals), -1))
+
+
+def _norm(rows: Float[Array, "bones n"]) -> Float[Array, " bones"]:
+    """Lengths, with a derivative at zero."""
+    squared = (rows * rows).sum(-1)
+    return jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
