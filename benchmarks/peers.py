@@ -126,11 +126,11 @@ class Bench:
         ours = partial(
             refine_frames, objective, s.parametrisation, s.solver, skeleton, initial, observed, s.rounds, s.max_steps
         )
-        few = taken((initial, observed), np.arange(8))
+        first, seen = taken(initial, np.arange(8)), taken(observed, np.arange(8))
         contenders = [Contender("jaxskel", lambda: jax.block_until_ready(ours()), 64)]
         assert isinstance(s.solver, LevenbergMarquardt)
-        loops = s.rounds, s.solver.ftol
-        scipy = lambda: scipy_refinement(objective, s.parametrisation, skeleton, *few, *loops)  # noqa: E731
+        rounds, ftol = s.rounds, s.solver.ftol
+        scipy = partial(scipy_refinement, objective, s.parametrisation, skeleton, first, seen, rounds, ftol)
         self._peer(contenders, "SciPy LM, jitted", scipy, 8, 4)
         refined, theirs = self.report.race("refine", contenders, self.repeat)
         costs = np.asarray(sum(refined.costs.values()))[:8]
