@@ -37,7 +37,7 @@ def held_stick() -> float:
 
 # Term, a pose at which it is satisfied, shape of its residual.
 TERMS = {
-    "graph": (GraphAttraction(), pose_of(2), (10, 5, 3)),
+    "graph": (GraphAttraction(), pose_of(2), (10, 7)),
     "end nodes": (EndNodeAttraction(), pose_of(2), (5, 3)),
     "inner nodes": (InnerNodeAttraction(), pose_of(2), (2, 3)),
     "rest": (RestPrior(), rigid_pose(), (16, 4)),

@@ -15,13 +15,13 @@ _ATTRACTED = {
     "neck": L_FOOT, "head": L_FOOT, "l_elbow": L_HAND, "l_hand": L_HAND, "r_elbow": R_HAND, "r_hand": R_HAND,
     "l_knee": L_FOOT, "l_foot": L_FOOT, "r_knee": R_FOOT, "r_foot": R_FOOT,
 }  # fmt: skip
-# 32 bits, because JAX mixes up wider indices when float64 is switched on after the first use.
+# 32 bits, here and below, because JAX mixes up wider constants when float64 is switched on after the first use.
 _ENDS = np.array([JOINT_NAMES.index(name) for name in _ATTRACTED], np.int32)
 _BONES = np.stack([np.array(JOINT_PARENTS, np.int32)[_ENDS], _ENDS], 1)
 _PATHS = np.array(list(_ATTRACTED.values()), np.int32)
 # Where along the bone. The bone from knee to ball of foot leaves the centre-line, which bends at the ankle.
 _PLACES = np.stack([np.linspace(0.0, 0.4, 5) if name.endswith("foot") else np.linspace(0.2, 1.0, 5)
-                    for name in _ATTRACTED])  # fmt: skip
+                    for name in _ATTRACTED]).astype(np.float32)  # fmt: skip
 
 
 class GraphAttraction(AbstractTerm):
@@ -35,7 +35,7 @@ class GraphAttraction(AbstractTerm):
         self, body: PlacedBody, observed: Observed
     ) -> tuple[Float[Array, "bones=10 2 2"], Float[Array, "bones=10 2 3"], Float[Array, " bones=10"]]:
         """What `residual` needs of the closest point of each sample and its robust weight: see `_condensed`."""
-        places, ends = jnp.asarray(_PLACES), body.joints[_BONES]
+        places, ends = _PLACES, body.joints[_BONES]
         samples = (1 - places)[..., None] * ends[:, :1] + places[..., None] * ends[:, 1:]
         paths = observed.paths[_PATHS]
         start, along = paths[:, None, :-1], (paths[:, 1:] - paths[:, :-1])[:, None]
