@@ -145,6 +145,20 @@ def test_steps_are_those_of_optimistix():
     np.testing.assert_allclose(ours.value, 1.0, atol=1e-2)
 
 
+def test_a_solve_ends_where_a_step_promises_too_little():
+    def solved(ftol):
+        solver = LevenbergMarquardt(rtol=1e-9, atol=1e-9, ftol=ftol)
+        residuals = lambda y, _: jnp.concatenate([y - 1, jnp.ones(1)])  # noqa: E731
+        solution = optx.least_squares(residuals, solver, jnp.array([1.1]), max_steps=64, throw=False)
+        assert solution.result == optx.RESULTS.successful
+        return float(solution.value[0])
+
+    # Damped by one, the first step goes half the way: from (0.1^2 + 1) / 2 to (0.05^2 + 1) / 2, by 0.74 % of the cost.
+    np.testing.assert_allclose(solved(0.0075), 1.05, atol=1e-6)
+    assert solved(0.0073) < 1.03
+    np.testing.assert_allclose(solved(0.0), 1.0, atol=1e-6)
+
+
 def test_a_solver_that_meets_nan_says_so():
     solution = optx.least_squares(
         lambda y, args: y * jnp.nan, LevenbergMarquardt(rtol=1e-4, atol=1e-4), jnp.ones(2), max_steps=8, throw=False

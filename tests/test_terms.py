@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -7,7 +9,7 @@ from drawn import HandsTogether, ideal_graph, pose_of
 from jax.test_util import check_grads
 from scipy.spatial.transform import Rotation
 
-from jaxskel._skeleton import SEGMENT_NAMES, Pose, default_adult, forward_kinematics
+from jaxskel._skeleton import JOINT_NAMES, SEGMENT_NAMES, Pose, default_adult, forward_kinematics
 from jaxskel.parametrisations import ExactBones
 from jaxskel.terms import (
     EndNodeAttraction,
@@ -91,6 +93,35 @@ def test_limbs_that_were_not_found_pull_at_nothing():
     for seen in (observed, moved):
         residual = graph.residual(body, seen, graph.correspond(body, seen))
         np.testing.assert_array_equal(residual, graph.residual(body, observed, graph.correspond(body, observed)))
+
+
+def closest_point(path: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """Of a polyline, segment by segment."""
+    shares = [np.clip((point - a) @ (b - a) / max((b - a) @ (b - a), 1e-12), 0, 1) for a, b in pairwise(path)]
+    places = [a + share * (b - a) for share, (a, b) in zip(shares, pairwise(path), strict=True)]
+    return min(places, key=lambda place: float(np.linalg.norm(place - point)))
+
+
+def test_five_samples_of_a_bone_are_drawn_to_the_path_of_its_limb():
+    looked_up, moved = place(ADULT, pose_of(4)), place(ADULT, pose_of(5))
+    observed = ideal_graph(ADULT, pose_of(2))
+    graph = GraphAttraction()
+    residual = np.asarray(graph.residual(moved, observed, graph.correspond(looked_up, observed)))
+    bones = {"neck": "pelvis", "l_elbow": "l_shoulder", "r_hand": "r_elbow", "l_knee": "l_hip", "r_foot": "r_knee"}
+    paths = {"neck": 3, "l_elbow": 1, "r_hand": 2, "l_knee": 3, "r_foot": 4}
+    for name, row in {"neck": 0, "l_elbow": 2, "r_hand": 5, "l_knee": 6, "r_foot": 9}.items():
+        ends = [JOINT_NAMES.index(bones[name]), JOINT_NAMES.index(name)]
+        (a, b), (c, d) = (np.asarray(body.joints, float)[ends] for body in (looked_up, moved))
+        expected = 0.0
+        # The foot's joint is its ball: the graph leaves the bone at the ankle.
+        for share in np.linspace(0.0, 0.4, 5) if name == "r_foot" else np.linspace(0.2, 1.0, 5):
+            sample = (1 - share) * a + share * b
+            goal = closest_point(np.asarray(observed.paths, float)[paths[name]], sample)
+            weight = 1 / (1 + ((goal - sample) ** 2).sum() / 0.1**2)
+            expected += (weight * ((1 - share) * c + share * d - goal)) @ (
+                weight * ((1 - share) * c + share * d - goal)
+            )
+        np.testing.assert_allclose((residual[row] ** 2).sum(), expected / 5, rtol=1e-4)
 
 
 def test_a_weight_multiplies_the_squared_norm():
