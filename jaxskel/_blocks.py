@@ -99,13 +99,18 @@ def in_grid_order(
     return voxels, dense.take(occupied, axis=1)
 
 
+def nowhere(height: int, width: int) -> int:
+    """The footprint of a block of which a camera does not see all, or which is larger in its image than any other."""
+    return sum(rows * columns for rows, columns in _levels(height, width))
+
+
 def find_footprints(pixels: Int[np.ndarray, "blocks inner"], height: int, width: int) -> Int[np.ndarray, " blocks"]:
     """Where one camera sees each block, from the pixels of its voxels (`height` times `width` where it sees none)."""
     v = pixels // np.int32(width)
     u = pixels - v * np.int32(width)
     top, bottom, left, right = v.min(1), v.max(1), u.min(1), u.max(1)
     seen = pixels.max(1) < height * width
-    total = sum(rows * columns for rows, columns in _levels(height, width))
+    total = nowhere(height, width)
     found = np.full(len(top), total, np.int32)
     start = 0
     for cell, (rows, columns) in zip(_CELLS, _levels(height, width), strict=True):

@@ -91,11 +91,12 @@ def _joined(
 
 def shares_outside(hulls: VisualHulls, table: ProjectionTable) -> Float[np.ndarray, "frames cams"]:
     """Share of each hull's voxels that lies outside each camera's image: above zero, the image cuts the body."""
-    unseen = table.pixels_at(hulls.voxels) == table.unseen
+    some = table.partly_seen(hulls.voxels)  # mostly none
+    unseen = table.pixels_at(hulls.voxels[some]) == table.unseen
     shares = np.zeros((len(hulls), len(unseen)))
-    for camera in np.flatnonzero(unseen.any(1)):  # mostly none
-        shares[:, camera] = hulls.inside[:, unseen[camera]].sum(1)
-    return shares / np.maximum(hulls.inside.sum(1), 1)[:, None]
+    for camera in np.flatnonzero(unseen.any(1)):
+        shares[:, camera] = hulls.inside[:, some[unseen[camera]]].sum(1)
+    return shares / np.maximum([np.count_nonzero(each) for each in hulls.inside], 1)[:, None]
 
 
 def seen_whole(

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ._blocks import INNER, blocks_of, count_blocks, find_footprints, voxels_of
+from ._blocks import INNER, blocks_of, count_blocks, find_footprints, nowhere, voxels_of
 from ._camera import Cameras, project
 from ._grid import VoxelGrid
 from ._kept import kept
@@ -46,6 +46,11 @@ class ProjectionTable(eqx.Module):
         block, place = blocks_of(voxels, self.grid.shape)
         table = np.asarray(self.pixels_of_blocks)
         return table.reshape(len(table), -1).take(block * INNER + place, axis=1)
+
+    def partly_seen(self, voxels: Int[np.ndarray, "n 3"]) -> Int[np.ndarray, " some"]:
+        """Those of some voxels, by their numbers, of whose blocks some camera may not see all."""
+        blocks = (np.asarray(self.footprints) == nowhere(*self.size)).any(0)
+        return np.flatnonzero(blocks.take(blocks_of(voxels, self.grid.shape)[0]))
 
     def with_min_views(self, min_views: int) -> "ProjectionTable":
         """The same table with another number of cameras that must see a voxel."""

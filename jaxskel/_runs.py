@@ -20,6 +20,8 @@ class Bodies(eqx.Module):
     """Runs by frame, then in the grid's order, and which body each belongs to."""
 
     frame: Int[np.ndarray, " runs"]
+    first: Int[np.ndarray, " runs"]
+    """Number of the lowest voxel among those of the hulls."""
     length: Int[np.ndarray, " runs"]
     """(voxels)"""
     body: Int[np.ndarray, " runs"]
@@ -37,27 +39,48 @@ class Bodies(eqx.Module):
 def find_bodies(hulls: VisualHulls) -> Bodies:
     """Split each hull into what is connected over faces, edges or corners."""
     frame, first, length = _runs(hulls)
-    _, width, height = (size + 2 for size in hulls.grid.shape)
-    x, y, z = hulls.voxels[first].T.astype(np.int64)
-    # One number for each place of a grid with a margin, so that no neighbour is on the other side.
-    low = ((frame * (hulls.grid.shape[0] + 2) + x + 1) * width + y + 1) * height + z + 1
-    high = low + length - 1
-    rows, columns = [], []
-    for along_x, along_y in _BESIDE:
-        shift = (along_x * width + along_y) * height
-        start = np.searchsorted(high, low + shift - 1)
-        count = np.maximum(np.searchsorted(low, high + shift + 1, "right") - start, 0)
-        rows.append(np.repeat(np.arange(len(low)), count))
-        columns.append(np.arange(count.sum()) + np.repeat(start - np.cumsum(count) + count, count))
-    row, column = np.concatenate(rows), np.concatenate(columns)
-    body = connected(row, column, len(low))
-    # By the first of their runs, not as the pairs come.
-    _, first_run, body = np.unique(body, return_index=True, return_inverse=True)
+    body = connected(*_touching(hulls, frame, first, length), len(frame))
+    count = int(body.max(initial=-1)) + 1
+    # By the first of their runs, not as the pairs come. Of what is written to one place, the last one stays.
+    first_run = np.empty(count, np.int64)
+    first_run[body[::-1]] = np.arange(len(body))[::-1]
     order = np.argsort(first_run)
     number = np.empty_like(order)
-    number[order] = np.arange(len(order))
+    number[order] = np.arange(count)
     body = number[body]
-    return Bodies(frame, length, body, frame[first_run[order]], np.bincount(body, length, len(order)).astype(int))
+    return Bodies(frame, first, length, body, frame[first_run[order]], np.bincount(body, length, count).astype(int))
+
+
+def _touching(
+    hulls: VisualHulls,
+    frame: Int[np.ndarray, " runs"],
+    first: Int[np.ndarray, " runs"],
+    length: Int[np.ndarray, " runs"],
+) -> tuple[Int[np.ndarray, " pairs"], Int[np.ndarray, " pairs"]]:
+    """Pairs of runs of one frame that overlap or miss each other by one, in columns side by side."""
+    x, y, z = hulls.voxels.take(first, axis=0).T.astype(np.int64)
+    below, above = z - 1, z + length
+    # One number for each column of grids with a margin, so that no neighbour is on the other side.
+    width, columns = hulls.grid.shape[1] + 2, (hulls.grid.shape[0] + 2) * (hulls.grid.shape[1] + 2)
+    column = frame * columns + (x + 1) * width + y + 1
+    begins = np.append(0, np.cumsum(np.bincount(column, minlength=len(hulls) * columns)))
+    one, other = [], []
+    for along_x, along_y in _BESIDE:
+        beside = column + along_x * width + along_y
+        run, candidate, end = np.arange(len(column)), begins.take(beside), begins.take(beside + 1)
+        # The runs of the other column in turn, of which there are few.
+        while True:
+            more = (candidate < end).nonzero()[0]
+            if not len(more):
+                break
+            run, candidate, end = run.take(more), candidate.take(more), end.take(more)
+            low, high = z.take(candidate), above.take(candidate)
+            touch = ((low <= above.take(run)) & (high > below.take(run))).nonzero()[0]
+            one.append(run.take(touch))
+            other.append(candidate.take(touch))
+            candidate = candidate + 1
+    none = np.zeros(0, np.int64)
+    return np.concatenate([none, *one]), np.concatenate([none, *other])
 
 
 def bodies_among(voxels: Int[np.ndarray, "n 3"], grid: VoxelGrid) -> Bodies:
@@ -82,6 +105,10 @@ def voxels_of_bodies(
     hulls: VisualHulls, bodies: Bodies, chosen: Bool[np.ndarray, " bodies"]
 ) -> Bool[np.ndarray, "frames voxels"]:
     """Which voxels belong to the chosen bodies."""
-    inside = np.zeros_like(hulls.inside)
-    inside[hulls.inside] = np.repeat(chosen[bodies.body], bodies.length)
+    inside = hulls.inside.copy()
+    # Mostly specks are left out, which have few voxels.
+    out = np.flatnonzero(~chosen[bodies.body])
+    length = bodies.length[out]
+    step = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)
+    inside[np.repeat(bodies.frame[out], length), np.repeat(bodies.first[out], length) + step] = False
     return inside
