@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int, UInt32
 
-from ._frame_words import CELL, in_place
+from ._frame_words import ALL_FRAMES, CELL, in_place
 from ._kept import kept
 
 EDGE = 4
@@ -131,6 +131,8 @@ def pooled(
 ) -> UInt32[Array, "cams cells"]:
     """Of two by two cells each, from their upper left one on, which frames have the person on any pixel; by size.
 
+    After the last of them comes what is not seen.
+
     Args:
         words: Of the windows, see `cut_windows`.
         corner: Row and byte of each window.
@@ -148,7 +150,7 @@ def pooled(
         two = cells | jnp.pad(cells[:, 1:], ((0, 0), (0, 1), (0, 0)))
         two |= jnp.pad(two[:, :, 1:], ((0, 0), (0, 0), (0, 1)))
         levels.append(two.reshape(len(words), -1))
-    return jnp.concatenate(levels, 1)
+    return jnp.concatenate([*levels, jnp.full((len(words), 1), ALL_FRAMES)], 1)
 
 
 def _levels(height: int, width: int) -> list[tuple[int, int]]:

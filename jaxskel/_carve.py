@@ -4,60 +4,73 @@ Cameras and grid are static, so the pixel that each voxel falls on is looked up 
 and one AND carve 32 frames, see `_frame_words`. Blocks of voxels go first, see `_blocks`.
 """
 
+from collections.abc import Callable
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Int, UInt8, UInt32
 
 from ._blocks import INNER, SomeBlocks, count_blocks, in_grid_order, pooled
-from ._frame_words import FRAMES_PER_WORD, Windows, cut_windows, frame_words, frames_of, whole_images
+from ._frame_words import ALL_FRAMES, FRAMES_PER_WORD, Windows, cut_windows, frame_words, frames_of, whole_images
 from ._hull import VisualHulls
 from ._kept import kept
 from ._projection import ProjectionTable
 
-_ALL = np.uint32(0xFFFFFFFF)
 _AT_ONCE = 1 << 9  # blocks
 
 
 @kept
-def carve_words(
-    words: UInt32[Array, "cams places"], seen: Int[Array, "cams some"], max_misses: int = 0
-) -> UInt32[Array, " some"]:
-    """Carve 32 frames at once: what stays is missed by at most `max_misses` cameras.
-
-    Args:
-        words: Of each camera's pixels, or cells of them.
-        seen: Which of them each voxel, or block of voxels, is seen on; one past the last where it is not seen.
-        max_misses: Cameras that may see background.
-    """
-    # misses[k] has the bits of the frames in which more than k cameras missed the voxel so far.
-    misses = [jnp.zeros(seen.shape[1], jnp.uint32) for _ in range(max_misses + 1)]
-    for c in range(words.shape[0]):
-        miss = ~words[c].at[seen[c]].get(mode="fill", fill_value=_ALL)
-        for k in range(max_misses, 0, -1):
-            misses[k] |= misses[k - 1] & miss
-        misses[0] |= miss
-    return ~misses[max_misses]
+def _carve_blocks(
+    words: UInt32[Array, "cams places"], footprints: Int[Array, "cams blocks"], max_misses: int
+) -> UInt32[Array, " blocks"]:
+    """Carve blocks, each like a voxel, by the cells of the images that they are seen on."""
+    return _carved(lambda camera: _at(words[camera], footprints[camera]), words.shape[0], max_misses)
 
 
 @kept
 def _carve_some(
-    words: UInt32[Array, "cams pixels"],
+    words: UInt32[Array, "cams places"],
     pixels: Int[Array, "cams blocks inner"],
     observed: Bool[Array, "blocks inner"],
     blocks: Int[Array | np.ndarray, " some"],
     max_misses: int,
 ) -> UInt32[Array, "some inner"]:
     """Carve the voxels of some blocks."""
-    seen = pixels.at[:, blocks].get(mode="promise_in_bounds")
-    carved = carve_words(words, seen.reshape(len(words), -1), max_misses).reshape(seen.shape[1:])
-    return jnp.where(observed[blocks], carved, jnp.uint32(0))
+    # Looked up camera by camera, where a voxel is seen goes straight into the lookup of what is seen there.
+    words_of = lambda camera: _at(words[camera], _at(pixels[camera], jnp.asarray(blocks)))  # noqa: E731
+    return jnp.where(observed[blocks], _carved(words_of, words.shape[0], max_misses), jnp.uint32(0))
+
+
+def _carved(
+    words_of: Callable[[int], UInt32[Array, "*places"]], cameras: int, max_misses: int
+) -> UInt32[Array, "*places"]:
+    """Carve 32 frames at once: what stays is missed by at most `max_misses` cameras.
+
+    Args:
+        words_of: The frames in which a camera has the person at each place; all of them where it does not see it.
+        cameras: How many there are.
+        max_misses: Cameras that may see background.
+    """
+    # misses[k] has the bits of the frames in which more than k cameras missed the voxel so far.
+    misses = [jnp.uint32(0)] * (max_misses + 1)
+    for camera in range(cameras):
+        miss = ~words_of(camera)
+        for k in range(max_misses, 0, -1):
+            misses[k] |= misses[k - 1] & miss
+        misses[0] |= miss
+    return ~misses[max_misses]
+
+
+def _at(values: Array, indices: Int[Array, "*places"]) -> Array:
+    """Values at indices that are known to be within bounds, which costs less."""
+    return values.at[indices].get(mode="promise_in_bounds")
 
 
 def _carve_word(windows: Windows, table: ProjectionTable, max_misses: int) -> SomeBlocks:
     """Carve 32 frames: first blocks of voxels, then the voxels of those that are left, a fixed number at a time."""
     words = frame_words(windows)
     where = windows.corner, windows.blank, *table.size
-    blocks = np.asarray(carve_words(pooled(words, *where), table.footprints, max_misses))
+    blocks = np.asarray(_carve_blocks(pooled(words, *where), table.footprints, max_misses))
     left = np.flatnonzero(blocks[: count_blocks(table.grid.shape)] != 0).astype(np.int32)
     images = whole_images(words, *where)
     found: list[np.ndarray] = []
@@ -97,6 +110,6 @@ def carve(
             part = np.pad(part, ((0, missing), (0, 0), (0, 0), (0, 0)))
             gone = np.pad(gone, ((0, missing), (0, 0)))
         carved = _carve_word(cut_windows(part, gone), table, max_misses)
-        found.append(SomeBlocks(carved.blocks, carved.words & (_ALL >> np.uint32(missing))))
+        found.append(SomeBlocks(carved.blocks, carved.words & (ALL_FRAMES >> np.uint32(missing))))
     voxels, words = in_grid_order(found, table.grid.shape)
     return VisualHulls(voxels, frames_of(words, frames), table.grid)

@@ -15,6 +15,8 @@ from ._kept import kept
 from ._stacks import step_above
 
 FRAMES_PER_WORD = 32
+ALL_FRAMES = np.uint32(0xFFFFFFFF)
+"""The word of what a camera does not see: it misses the person there in no frame."""
 CELL = 8
 """Windows consist of squares so wide (px): a byte of a silhouette's row, and as many rows."""
 
@@ -70,10 +72,11 @@ def whole_images(
     blank: UInt32[Array | np.ndarray, " cams"],
     height: int,
     width: int,
-) -> UInt32[Array, "cams pixels"]:
-    """The words of all pixels, of which those of the windows are given."""
-    pixels = in_place(words, jnp.asarray(corner) * jnp.array([[1, CELL]]), blank, -(-height // CELL) * CELL, width)
-    return pixels[:, :height].reshape(len(words), -1)
+) -> UInt32[Array, "cams at_least_pixels"]:
+    """The words of all pixels, of which those of the windows are given; past the last pixel is what is not seen."""
+    rows = (height // CELL + 1) * CELL  # one at least for what is not seen
+    pixels = in_place(words, jnp.asarray(corner) * jnp.array([[1, CELL]]), blank, rows, width)
+    return pixels.at[:, height].set(ALL_FRAMES).reshape(len(words), -1)
 
 
 def in_place(

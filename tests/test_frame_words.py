@@ -21,7 +21,9 @@ def test_each_bit_is_a_frame(height, box):
     windows = cut_windows(np.packbits(masks, -1), lost)
     words = whole_images(frame_words(windows), windows.corner, windows.blank, height, WIDTH)
     bits = (masks | lost[:, :, None, None]).astype(np.uint32) << np.arange(FRAMES_PER_WORD)[:, None, None, None]
-    np.testing.assert_array_equal(words, np.bitwise_or.reduce(bits, 0).astype(np.uint32).reshape(CAMS, -1))
+    pixels = height * WIDTH
+    np.testing.assert_array_equal(words[:, :pixels], np.bitwise_or.reduce(bits, 0).astype(np.uint32).reshape(CAMS, -1))
+    np.testing.assert_array_equal(words[:, pixels], 0xFFFFFFFF)  # what is not seen
 
 
 def test_a_window_is_as_large_as_the_person_asks_for():
