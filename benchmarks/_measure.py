@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+_TURN = 0.1  # s
+
 
 @dataclass(frozen=True)
 class Contender:
@@ -55,14 +57,20 @@ class Report:
     rows: list[Row] = field(default_factory=list)
 
     def race(self, stage: str, contenders: Sequence[Contender], repeat: int) -> list[Any]:
-        """Run contenders in turns, the first of them ours; medians. Returns what each gave."""
+        """Run contenders in turns, the first of them ours; medians. Returns what each gave.
+
+        A turn lasts a tenth of a second at least, of as many runs as that takes: what comes after somebody else's turn
+        finds none of its data in the caches, and of a short run that would be most of what is measured.
+        """
         results = [contender.run() for contender in contenders]  # compiles, and warms up
         times = np.empty((repeat, len(contenders)))
         for turn in times:
             for i, contender in enumerate(contenders):
-                start = time.perf_counter()
-                contender.run()
-                turn[i] = 1e3 * (time.perf_counter() - start) / contender.frames
+                start, runs = time.perf_counter(), 0
+                while time.perf_counter() < start + _TURN:
+                    contender.run()
+                    runs += 1
+                turn[i] = 1e3 * (time.perf_counter() - start) / (runs * contender.frames)
         medians = np.median(times, 0)
         for contender, median in zip(contenders, medians, strict=True):
             ratio = None if contender is contenders[0] else float(median / medians[0])
