@@ -1,12 +1,13 @@
 """The whole pipeline from masks in memory, in processes of its own: frames per second, memory, accuracy, start-up."""
 
-import os
 import resource
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from multiprocessing import get_context
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -81,30 +82,29 @@ def _whole_batches(recording: Recording) -> Recording:
     return recording[: max(BATCH, len(recording) // BATCH * BATCH)]
 
 
+# `jaxskel run` itself, which tells when its first batch of poses is there, and goes no further.
 _FIRST_POSE = """
-import sys
-from jaxskel.cli._cache import keep_compiled
-keep_compiled()
-from _presets import PRESETS
-from jaxskel import read_recording, reconstruct_batches
-next(iter(reconstruct_batches(read_recording(sys.argv[1]), PRESETS[sys.argv[2]].settings())))
-print("here", flush=True)
+import os, sys
+from jaxskel.cli import _progress, main
+reconstruct = _progress.reconstruct_batches
+def first(*args):
+    next(iter(reconstruct(*args)))
+    print("here", flush=True)
+    os._exit(0)
+_progress.reconstruct_batches = first
+main()
 """
 
 
-def start_up(path: Path, preset: str, repeat: int = 3) -> float:
-    """Seconds from the start of a process to the first batch of poses, what it compiles kept from runs before."""
+def start_up(path: Path, options: Sequence[str], repeat: int = 3) -> float:
+    """Seconds from the start of `jaxskel run` to its first batch of poses, what it compiles kept from runs before."""
     times = []
     for _ in range(1 + repeat):
         start = time.perf_counter()
-        with subprocess.Popen(
-            [sys.executable, "-c", _FIRST_POSE, str(path), preset],
-            stdout=subprocess.PIPE,
-            env=os.environ | {"PYTHONPATH": str(Path(__file__).parent)},
-        ) as process:
-            assert process.stdout is not None
-            told = process.stdout.readline()
-            times.append(time.perf_counter() - start)
-        if not told:
-            raise RuntimeError(f"{path}: no pose")
+        with TemporaryDirectory() as folder:
+            command = [sys.executable, "-c", _FIRST_POSE, "run", str(path), *options, "-o", folder]
+            done = subprocess.run(command, capture_output=True, text=True)
+        times.append(time.perf_counter() - start)
+        if "here" not in done.stdout.split():
+            raise RuntimeError(f"{path}: no pose; {done.stderr}")
     return float(np.median(times[1:]))

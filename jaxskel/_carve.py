@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Int, UInt8, UInt32
 
 from ._blocks import INNER, SomeBlocks, count_blocks, in_grid_order, pooled
-from ._frame_words import ALL_FRAMES, FRAMES_PER_WORD, Windows, cut_windows, frame_words, frames_of, whole_images
+from ._frame_words import ALL_FRAMES, FRAMES_PER_WORD, Windows, cut_windows, frame_words, frames_of, listed, places_of
 from ._hull import VisualHulls
 from ._kept import kept
 from ._projection import ProjectionTable
@@ -30,14 +30,21 @@ def _carve_blocks(
 @kept
 def _carve_some(
     words: UInt32[Array, "cams places"],
+    corner: Int[Array | np.ndarray, "cams 2"],
+    extent: tuple[int, int],
     pixels: Int[Array, "cams blocks inner"],
     observed: Bool[Array, "blocks inner"],
+    size: tuple[int, int],
     blocks: Int[Array | np.ndarray, " some"],
     max_misses: int,
 ) -> UInt32[Array, "some inner"]:
     """Carve the voxels of some blocks."""
-    # Looked up camera by camera, where a voxel is seen goes straight into the lookup of what is seen there.
-    words_of = lambda camera: _at(words[camera], _at(pixels[camera], jnp.asarray(blocks)))  # noqa: E731
+
+    def words_of(camera: int) -> UInt32[Array, "some inner"]:
+        # Camera by camera, so that where a voxel is seen goes straight into the lookup of what is seen there.
+        seen = _at(pixels[camera], jnp.asarray(blocks))
+        return _at(words[camera], places_of(seen, jnp.asarray(corner)[camera], extent, size))
+
     return jnp.where(observed[blocks], _carved(words_of, words.shape[0], max_misses), jnp.uint32(0))
 
 
@@ -72,13 +79,12 @@ def _carve_word(windows: Windows, table: ProjectionTable, max_misses: int) -> So
     where = windows.corner, windows.blank, *table.size
     blocks = np.asarray(_carve_blocks(pooled(words, *where), table.footprints, max_misses))
     left = np.flatnonzero(blocks[: count_blocks(table.grid.shape)] != 0).astype(np.int32)
-    images = whole_images(words, *where)
+    some_words, extent = listed(words, windows.blank), (words.shape[1], words.shape[2])
+    inner = table.pixels_of_blocks, table.observed_of_blocks, table.size
     found: list[np.ndarray] = []
     for start in range(0, len(left), _AT_ONCE):
         some = np.resize(left[start : start + _AT_ONCE], _AT_ONCE)
-        found.append(
-            np.asarray(_carve_some(images, table.pixels_of_blocks, table.observed_of_blocks, some, max_misses))
-        )
+        found.append(np.asarray(_carve_some(some_words, windows.corner, extent, *inner, some, max_misses)))
     return SomeBlocks(left, np.concatenate([np.zeros((0, INNER), np.uint32), *found])[: len(left)])
 
 

@@ -3,6 +3,7 @@
 A person fills a small part of an image. Only a window of it is turned into words, the same place in all frames.
 """
 
+import math
 from typing import NamedTuple
 
 import jax
@@ -66,17 +67,33 @@ def frame_words(windows: Windows) -> UInt32[Array, "cams rows columns"]:
 
 
 @kept
-def whole_images(
-    words: UInt32[Array, "cams rows columns"],
-    corner: Int[Array | np.ndarray, "cams 2"],
-    blank: UInt32[Array | np.ndarray, " cams"],
-    height: int,
-    width: int,
-) -> UInt32[Array, "cams at_least_pixels"]:
-    """The words of all pixels, of which those of the windows are given; past the last pixel is what is not seen."""
-    rows = (height // CELL + 1) * CELL  # one at least for what is not seen
-    pixels = in_place(words, jnp.asarray(corner) * jnp.array([[1, CELL]]), blank, rows, width)
-    return pixels.at[:, height].set(ALL_FRAMES).reshape(len(words), -1)
+def listed(
+    words: UInt32[Array, "cams rows columns"], blank: UInt32[Array | np.ndarray, " cams"]
+) -> UInt32[Array, "cams places"]:
+    """The words of the pixels of windows in a row, then that of all other pixels, then that of what is not seen."""
+    own = words.reshape(len(words), -1)
+    return jnp.concatenate([own, jnp.asarray(blank)[:, None], jnp.full((len(words), 1), ALL_FRAMES)], 1)
+
+
+def places_of(
+    pixels: Int[Array, "*some"], corner: Int[Array, "2"], extent: tuple[int, int], size: tuple[int, int]
+) -> Int[Array, "*some"]:
+    """Where the words of some pixels of a camera are among those that `listed` gives.
+
+    Args:
+        pixels: Indices into the flattened image; one past its end is what the camera does not see.
+        corner: Row and byte of the camera's window.
+        extent: Rows and columns of the window (px).
+        size: Height and width of the image (px).
+    """
+    inner, unseen = math.prod(extent), math.prod(size)
+    # What is before the window wraps around to large numbers, so that one comparison tells it from what is within.
+    first, index, width = (corner * jnp.array([1, CELL])).astype(jnp.uint32), pixels.astype(jnp.uint32), size[1]
+    row = index // jnp.uint32(width) - first[0]
+    column = index % jnp.uint32(width) - first[1]
+    within = (row < extent[0]) & (column < extent[1])
+    there = jnp.where(within, row * jnp.uint32(extent[1]) + column, jnp.uint32(inner))
+    return jnp.where(pixels == unseen, inner + 1, there.astype(jnp.int32))
 
 
 def in_place(

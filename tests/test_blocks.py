@@ -16,7 +16,6 @@ from jaxskel._blocks import (
     pooled,
     voxels_of,
 )
-from jaxskel._frame_words import whole_images
 
 HEIGHT, WIDTH = 104, 136
 NOWHERE = np.zeros((1, 2), np.int32), np.zeros(1, np.uint32)
@@ -80,7 +79,9 @@ def test_windows_are_pooled_where_they_are():
     rng = np.random.default_rng(0)
     words = rng.integers(0, 2**32, (2, 24, 32)).astype(np.uint32)
     corner, blank = np.array([[8, 3], [72, 0]], np.int32), np.array([0, 5], np.uint32)
-    images = np.asarray(whole_images(words, corner, blank, HEIGHT, WIDTH))[:, : HEIGHT * WIDTH]
-    expected = pooled(images.reshape(2, -1, WIDTH), *NOWHERE_TWICE, HEIGHT, WIDTH)
+    images = np.tile(blank[:, None, None], (1, HEIGHT, WIDTH))
+    for image, own, (row, byte) in zip(images, words, corner, strict=True):
+        image[row : row + 24, 8 * byte : 8 * byte + 32] = own
+    expected = pooled(images, *NOWHERE_TWICE, HEIGHT, WIDTH)
     found = pooled(words, corner, blank, HEIGHT, WIDTH)
     np.testing.assert_array_equal(found, expected)
