@@ -67,7 +67,7 @@ class Report:
         for turn in times:
             for i, contender in enumerate(contenders):
                 start, runs = time.perf_counter(), 0
-                while time.perf_counter() < start + _TURN:
+                while runs == 0 or time.perf_counter() < start + _TURN:
                     contender.run()
                     runs += 1
                 turn[i] = 1e3 * (time.perf_counter() - start) / (runs * contender.frames)

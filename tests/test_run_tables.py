@@ -1,5 +1,7 @@
 """Tables and figures of runs: what they say was counted by hand."""
 
+import itertools
+
 import _drawings
 import _measure
 import _presets
@@ -183,7 +185,8 @@ def test_a_stored_run_tells_what_has_become_worse(tmp_path):
     assert worse.startswith("whole, median error")
 
 
-def test_contenders_take_turns(capsys):
+def test_contenders_take_turns(capsys, monkeypatch):
+    monkeypatch.setattr(_measure, "_TURN", 0.0)
     calls = []
     contenders = [
         _measure.Contender("we", lambda: calls.append("we") or 1, 2),
@@ -197,3 +200,15 @@ def test_contenders_take_turns(capsys):
     assert theirs.ratio == pytest.approx(theirs.value / ours.value)
     assert theirs.met
     assert "| work | they |" in capsys.readouterr().out
+
+
+def test_a_turn_is_as_many_runs_as_it_takes(monkeypatch):
+    # A clock that goes on by 40 ms whenever it is looked at: a turn of 100 ms ends when it is looked at the third time.
+    ticks = itertools.count(step=0.04)
+    monkeypatch.setattr(_measure.time, "perf_counter", lambda: next(ticks))
+    calls = []
+    report = _measure.Report("machine", "clip")
+    report.race("work", [_measure.Contender("we", lambda: calls.append("we"), 2)], 5)
+    assert len(calls) == 1 + 5 * 3
+    # From the first look to the fifth, of three runs of two frames.
+    np.testing.assert_allclose(report.rows[0].value, 1e3 * 4 * 0.04 / (3 * 2))
