@@ -1,4 +1,4 @@
-"""What pairs connect."""
+"""What pairs connect, and where each component comes first."""
 
 import numpy as np
 from jaxtyping import Int
@@ -26,3 +26,10 @@ def connected(
         apart = (one != other).nonzero()[0]
         one, other = one.take(apart), other.take(apart)
     return ((root == np.arange(count)).cumsum() - 1).take(root)
+
+
+def first_mentions(labels: Int[np.ndarray, " n"], count: int) -> Int[np.ndarray, " count"]:
+    """Where each of `count` labels, all of which are there, comes first."""
+    first = np.empty(count, np.int64)
+    first[labels[::-1]] = np.arange(len(labels))[::-1]  # of what is written to one place, the last one stays
+    return first

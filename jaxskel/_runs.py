@@ -8,7 +8,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Int
 
-from ._connected import connected
+from ._connected import connected, first_mentions
 from ._grid import VoxelGrid
 from ._hull import VisualHulls
 
@@ -41,9 +41,8 @@ def find_bodies(hulls: VisualHulls) -> Bodies:
     frame, first, length = _runs(hulls)
     body = connected(*_touching(hulls, frame, first, length), len(frame))
     count = int(body.max(initial=-1)) + 1
-    # By the first of their runs, not as the pairs come. Of what is written to one place, the last one stays.
-    first_run = np.empty(count, np.int64)
-    first_run[body[::-1]] = np.arange(len(body))[::-1]
+    # By the first of their runs, not as the pairs come.
+    first_run = first_mentions(body, count)
     order = np.argsort(first_run)
     number = np.empty_like(order)
     number[order] = np.arange(count)

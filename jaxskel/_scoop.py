@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ._cells import Cells, cells_of
+from ._connected import first_mentions
 from ._graph import SkeletalGraph
 from ._hull import VisualHulls
 from ._wave import Wave, stable_order
@@ -98,8 +99,7 @@ def _ranked(
 ) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " clusters"]]:
     """Renumber clusters by owner, decreasing size, then first cell; return labels and the owner of each cluster."""
     size = np.bincount(labels)
-    first = np.empty(len(size), np.int64)
-    first[labels[::-1]] = np.arange(len(labels))[::-1]  # the last write stays
+    first = first_mentions(labels, len(size))
     owner = owners[first]
     order = np.lexsort((first, -size, owner))
     rank = np.empty(len(size), np.int64)

@@ -107,20 +107,21 @@ def test_five_samples_of_a_bone_are_drawn_to_the_path_of_its_limb():
     observed = ideal_graph(ADULT, pose_of(2))
     graph = GraphAttraction()
     residual = np.asarray(graph.residual(moved, observed, graph.correspond(looked_up, observed)))
-    bones = {"neck": "pelvis", "l_elbow": "l_shoulder", "r_hand": "r_elbow", "l_knee": "l_hip", "r_foot": "r_knee"}
-    paths = {"neck": 3, "l_elbow": 1, "r_hand": 2, "l_knee": 3, "r_foot": 4}
-    for name, row in {"neck": 0, "l_elbow": 2, "r_hand": 5, "l_knee": 6, "r_foot": 9}.items():
-        ends = [JOINT_NAMES.index(bones[name]), JOINT_NAMES.index(name)]
+    # The joint that a bone ends in, the one it begins in, the row of the bone, and of its path.
+    bones = (
+        ("neck", "pelvis", 0, 3), ("l_elbow", "l_shoulder", 2, 1), ("r_hand", "r_elbow", 5, 2),
+        ("l_knee", "l_hip", 6, 3), ("r_foot", "r_knee", 9, 4),
+    )  # fmt: skip
+    for name, start, row, path in bones:
+        ends = [JOINT_NAMES.index(start), JOINT_NAMES.index(name)]
         (a, b), (c, d) = (np.asarray(body.joints, float)[ends] for body in (looked_up, moved))
         expected = 0.0
         # The foot's joint is its ball: the graph leaves the bone at the ankle.
         for share in np.linspace(0.0, 0.4, 5) if name == "r_foot" else np.linspace(0.2, 1.0, 5):
             sample = (1 - share) * a + share * b
-            goal = closest_point(np.asarray(observed.paths, float)[paths[name]], sample)
+            goal = closest_point(np.asarray(observed.paths, float)[path], sample)
             weight = 1 / (1 + ((goal - sample) ** 2).sum() / 0.1**2)
-            expected += (weight * ((1 - share) * c + share * d - goal)) @ (
-                weight * ((1 - share) * c + share * d - goal)
-            )
+            expected += weight**2 * (((1 - share) * c + share * d - goal) ** 2).sum()
         np.testing.assert_allclose((residual[row] ** 2).sum(), expected / 5, rtol=1e-4)
 
 
