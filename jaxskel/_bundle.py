@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ._body import LINKS, Body, ball_centres
-from ._dimensions import LENGTH_NAMES, Shape, prior_precision, shaped_body
+from ._dimensions import LENGTH_NAMES, Prior, Shape, shaped_body
 from ._kept import kept
 from ._shape_quadrics import contour_quadrics, inside_quadrics
 from ._skeleton import Pose, Skeleton
@@ -34,6 +34,8 @@ _INSIDE = _CONTOURS * 7e4 / 1.2e5
 _SCALE = 0.018
 # Poses of rest are a help where nothing is seen, but pull all lengths the same way.
 _REST = 0.3
+# How well joints that are known agree with a chain of rigid bones (m).
+_KNOWN = 0.003
 # Of the normal matrix: absolute for poses, and as a share of its diagonal.
 _DAMPING, _RELATIVE_DAMPING = 0.1, 1e-3
 # A step is not trusted farther than this: of a pose (m, rad), of a length (logarithm), of a ball (m).
@@ -68,29 +70,34 @@ class Linear(eqx.Module):
 
 def bundle_adjust(
     template: Skeleton,
+    prior: Prior,
     shape: Shape,
     poses: Pose,
     observed: Observed,
     used: Bool[np.ndarray, " frames"],
     steps: int = 15,
     tolerance: float = 1e-3,
+    joints: Float[np.ndarray, "frames joints=15 3"] | None = None,
 ) -> Adjusted:
     """Adjust a body and its poses to what was seen of it.
 
     Args:
-        template: What `shape` is relative to, and the middle of the prior, but for its size.
+        template: What `shape` is relative to.
+        prior: What is known about the shape.
         shape: Where to begin.
         poses: Likewise, with the axis ``frames``.
         observed: Outlines and silhouettes, on the device, with the same axis.
         used: The frames that count; the others keep their poses.
         steps: At most so many.
         tolerance: No more steps where no length but those of the tips changes by more than this share.
+        joints: Joints in the world (m), where they are known: by markers, or because the film is synthetic.
     """
-    prior, template = prior_precision(template), single_precision(template)
+    template = single_precision(template)
+    known = None if joints is None else jnp.asarray(joints, jnp.float32)
     adjusted = Adjusted(shape, poses, np.full(len(LENGTH_NAMES), np.inf), np.inf)
     frames = np.flatnonzero(used)
     for _ in range(steps):
-        adjusted = _step(template, prior, adjusted, observed, frames)
+        adjusted = _step(template, prior, adjusted, observed, frames, known)
         if adjusted.change < tolerance:
             break
     return adjusted
@@ -98,13 +105,15 @@ def bundle_adjust(
 
 def _step(
     template: Skeleton,
-    prior: Float[np.ndarray, "unknowns unknowns"],
+    prior: Prior,
     before: Adjusted,
     observed: Observed,
     frames: Int[np.ndarray, " used"],
+    joints: Float[Array, "frames joints=15 3"] | None,
 ) -> Adjusted:
     start = single_precision(before.shape)
-    linear = jax.tree.map(lambda a: np.asarray(a, np.float64), linearised(template, start, before.poses, observed))
+    linear = linearised(template, start, before.poses, observed, joints)
+    linear = jax.tree.map(lambda a: np.asarray(a, np.float64), linear)
     vector, count = before.shape.vector, len(before.shape.vector)
     matrix, pull = np.zeros((count, count)), np.zeros(count)
     solved = []
@@ -116,16 +125,16 @@ def _step(
         matrix += inner[_POSE:, _POSE:] - inner[_POSE:, :_POSE] @ both[:, :-1]
         pull += gradient[_POSE:] - inner[_POSE:, :_POSE] @ both[:, -1]
         solved.append(both)
-    whole = matrix + prior
+    whole = matrix + prior.precision
     damped = whole + np.diag(_RELATIVE_DAMPING * np.diagonal(whole))
-    change = np.linalg.solve(damped, pull - prior @ vector)
+    change = np.linalg.solve(damped, pull - prior.precision @ (vector - prior.mean.vector))
     reach = np.concatenate([np.full(len(LENGTH_NAMES) + 2, _LENGTH_REACH), np.full(count - 13, _BALL_REACH)])
     change = np.clip(change, -reach, reach)
     turns = np.zeros((len(before.poses.root), _POSE), np.float32)
     for frame, both in zip(frames, solved, strict=True):
         turns[frame] = np.clip(both[:, -1] - both[:, :-1] @ change, -_POSE_REACH, _POSE_REACH)
     poses = jax.tree.map(np.asarray, _turned(template, start, before.poses, turns))
-    deviations = np.sqrt(np.diagonal(np.linalg.inv(matrix / _ALIKE + prior)))[: len(LENGTH_NAMES)]
+    deviations = np.sqrt(np.diagonal(np.linalg.inv(matrix / _ALIKE + prior.precision)))[: len(LENGTH_NAMES)]
     # Tips hardly matter to anything else, and settle last.
     return Adjusted(Shape.of(vector + change), poses, deviations, float(np.abs(change[:8]).max()))
 
@@ -141,17 +150,25 @@ def normal_equations(
 
 
 @kept
-def linearised(template: Skeleton, shape: Shape, poses: Pose, stack: Observed) -> Linear:
-    """Linearise frame by frame; those of a stack that have poses."""
+def linearised(
+    template: Skeleton,
+    shape: Shape,
+    poses: Pose,
+    stack: Observed,
+    joints: Float[Array, "frames joints=15 3"] | None = None,
+) -> Linear:
+    """Linearise frame by frame; those of a stack that have poses. Joints count where they are known."""
 
-    def one(given: tuple[Pose, Int[Array, ""]]) -> Linear:
-        pose, frame = given
-        return _linearised(template, shape, pose, stack.of(frame))
+    def one(given: tuple[Pose, Int[Array, ""], Float[Array, "joints=15 3"] | None]) -> Linear:
+        pose, frame, known = given
+        return _linearised(template, shape, pose, stack.of(frame), known)
 
-    return jax.lax.map(one, (poses, jnp.arange(len(poses.root), dtype=jnp.int32)))
+    return jax.lax.map(one, (poses, jnp.arange(len(poses.root), dtype=jnp.int32), joints))
 
 
-def _linearised(template: Skeleton, shape: Shape, pose: Pose, observed: Observed) -> Linear:
+def _linearised(
+    template: Skeleton, shape: Shape, pose: Pose, observed: Observed, joints: Float[Array, "joints=15 3"] | None
+) -> Linear:
     body = shaped_body(template, shape)
     placed = place(body.skeleton, pose)
     contours = ContourContact(body=body, weight=_CONTOURS, scale=_SCALE, inner=1.0)
@@ -164,6 +181,8 @@ def _linearised(template: Skeleton, shape: Shape, pose: Pose, observed: Observed
         placed = place(body.skeleton, _HINGED.nearby(unknowns[:_POSE], pose, body.skeleton))
         centres = jnp.asarray(ball_centres(body, placed.origins, placed.rotations))
         rows = _others(body).residuals(placed, observed, fixed)
+        if joints is not None:
+            rows["joints"] = (placed.joints - joints) / _KNOWN
         balls = jnp.concatenate([centres, jnp.asarray(body.radii)[:, None]], 1)
         return balls, jnp.concatenate([row.ravel() for row in rows.values()])
 

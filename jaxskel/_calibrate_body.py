@@ -9,10 +9,10 @@ import jax
 import numpy as np
 from jaxtyping import Float, Int
 
-from ._body import Body, make_body
+from ._body import Body
 from ._bundle import bundle_adjust
 from ._calibrate import Costs
-from ._dimensions import LENGTH_NAMES, lengths_of, relaxed_shape, shaped_body
+from ._dimensions import LENGTH_NAMES, adults_prior, lengths_of, shaped_body
 from ._fits import fit_poses, fit_scales
 from ._frame_words import FRAMES_PER_WORD
 from ._graph import SkeletalGraph
@@ -64,9 +64,9 @@ class MeasuredLength:
     length: float
     """From joint centre to joint centre (m)."""
     deviation: float
-    """Standard deviation (m): of what is seen, given a rough idea of where flesh sits around joints."""
+    """Standard deviation (m): of what is seen, given how the bodies of adults differ."""
     still: tuple[str, ...]
-    """Joints at its ends that hardly turn in these frames: their places are guessed from the flesh around them."""
+    """Joints at its ends that hardly turn in these frames: only the flesh around them tells where they are."""
 
 
 @dataclass(frozen=True)
@@ -101,15 +101,17 @@ def calibrate_body(
 ) -> CalibratedBody:
     """Find a subject's bone lengths and radii, without known dimensions, from the silhouettes of some frames.
 
-    Poses are searched for with a template; then lengths, flesh and the poses of all frames are adjusted at once, and
-    both once more. Left and right are taken to be alike, hands to be half closed. A joint is found well where it
-    turns: frames in which shoulders, elbows, hips and knees bend are worth more than many frames.
+    Poses are searched for with an average adult; then lengths, flesh and the poses of all frames are adjusted at once,
+    and both once more. What the silhouettes leave open is as adults are, given what they show: flesh around a joint
+    tells where it is, because a table knows how both go together (see [`adults`][jaxskel._adults.adults]). Left and
+    right are taken to be alike, hands to be half closed. A joint is found best where it turns: frames in which
+    shoulders, elbows, hips and knees bend are worth more than many frames.
 
     Args:
         recording: Silhouettes and cameras; its ``skeleton`` is not looked at.
         settings: How hulls are made and poses searched for; a body in it is not looked at.
-        skeleton: Template to start from, whose proportions count where nothing is seen; its size does not count: it is
-            that of the hulls. By default an average adult.
+        skeleton: Template to start from, instead of the default adult, where a subject's proportions are known to
+            differ from it; its size does not count: it is that of the hulls.
         frames: So many frames, spread evenly, are used.
         on_stage: Called with each of `STAGES` as it begins.
 
@@ -121,7 +123,8 @@ def calibrate_body(
         raise ValueError("calibrate_body: the settings have no search for poses; give Settings(search=Search())")
     on_stage(STAGES[0])
     template, sight = _look(recording, settings, skeleton, frames)
-    body, shape = make_body(template), relaxed_shape()
+    prior = adults_prior(template)
+    shape, body = prior.mean, _in_double(shaped_body(template, prior.mean))
     stack = on_device(sight.observed.seen_only())
     for searching, adjusting in (STAGES[1:3], STAGES[3:5]):
         on_stage(searching)
@@ -130,7 +133,7 @@ def calibrate_body(
         found = solve_frames(make_model(body), settings.search, starts, fallback, sight.observed)
         used = found.cost[:, 0] <= np.quantile(found.cost[:, 0], _USED)
         on_stage(adjusting)
-        adjusted = bundle_adjust(template, shape, filled(found.best), stack.thinned(_SOME), used)
+        adjusted = bundle_adjust(template, prior, shape, filled(found.best), stack.thinned(_SOME), used)
         shape, body = adjusted.shape, _in_double(shaped_body(template, adjusted.shape))
     on_stage(STAGES[5])
     poses = taken(adjusted.poses, np.flatnonzero(used))

@@ -1,10 +1,13 @@
 """A subject's dimensions as unknowns: symmetric bone lengths, and the flesh around them, relative to a template."""
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ._adults import adults
 from ._body import BALL_NAMES, BALL_SIDES, FREE_BALLS, LIKE_BALL, Body, make_body
 from ._skeleton import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES, TIP_PARENTS, Skeleton
 
@@ -20,29 +23,21 @@ _PARENTS = np.array(JOINT_PARENTS + TIP_PARENTS, np.int32)
 _LENGTH_OF_POINT = np.array([_ENDS.index(name.removeprefix("l_").removeprefix("r_")) for name in _POINTS[1:]], np.int32)
 _FINGERTIPS = np.array([_POINTS.index("l_fingertip"), _POINTS.index("r_fingertip")], np.int32)
 _THINNEST = 0.010  # m, of a ball
+QUANTITIES = [*LENGTH_NAMES, "fingers front", "fingers out"] + [
+    f"{BALL_NAMES[ball].removeprefix('l_')} {what}" for ball in FREE_BALLS for what in ("front", "out", "up", "radius")
+]
+"""The unknowns in a row: lengths, fingers, then the shift of each free ball and its radius."""
+FLESH_FROM = len(LENGTH_NAMES) + 2
 
-# How far lengths may be from those of an average adult. People of one stature differ in proportions by a few per cent.
-# Where exactly a joint centre lies is a matter of definition to within a few centimetres, which matters to short bones
-# more. What is seen of a bone that turns outweighs both. The height of the head varies little.
-_SHARE, _CENTRE = 0.05, 0.03
-# Likewise for the places of balls relative to the joints (m; to the front, to the left, up, where they differ), and for
-# radii (share). Hips and seat turn with different segments: between them they tell where the hip joint is, so neither
-# may slide far, except along the thigh, which is alike all the way. Fingers may be open or closed.
-_LIMB_PLAY, _END_PLAY, _TRUNK_PLAY, _RADIUS_PLAY = 0.002, 0.005, 0.012, 0.2
-_PLAYS: dict[str, float | tuple[float, float, float]] = {
-    "hip": (0.005, 0.005, 0.025), "seat": 0.006, "palm": 0.006, "finger": 0.015,
-    **dict.fromkeys(("shoulder", "elbow", "forearm", "wrist", "knee", "calf", "ankle"), _LIMB_PLAY),
-    **dict.fromkeys(("heel", "ball", "toe"), _END_PLAY),
-}  # fmt: skip
-# The tip of the head is the top of its flesh, which every silhouette shows (m).
-_TOP_PLAY = 0.003
-# Balls of the middle stay there.
+# People differ from the adults of the table in ways that it does not know: lengths (share), where a joint centre is by
+# definition (m), and flesh (share of the stature).
+_SHARE, _CENTRE, _FLESH = 0.01, 0.002, 0.001
+# Of hands the table knows the way to the palm only: fingers may be open or closed (m; share; tangent of an angle).
+_HAND_PLAYS = {"palm": 0.006, "finger": 0.015}
+_FINGERTIP_PLAY, _FINGERS_PLAY = 0.15, 5.0
+# Hands that hold nothing flat are half closed: fingers point inwards (tangent), and reach less far than flat ones.
+_CLOSED, _SHORTER = -3.0, -0.4
 _NO_PLAY = 1e-6
-# The direction of the fingers is free (tangent of the angle from that of the template).
-_FINGERS_PLAY = 5.0
-# Hands that hold nothing flat are half closed: fingers point inwards (tangent), and palm and fingers together then
-# reach less far, so that the palm is farther out and the way to the fingertip shorter than in a flat hand.
-_CLOSED, _FARTHER, _SHORTER = -3.0, 0.15, -0.4
 
 
 class Shape(eqx.Module):
@@ -64,13 +59,6 @@ class Shape(eqx.Module):
     def vector(self) -> Float[np.ndarray, " unknowns"]:
         """All unknowns in a row."""
         return np.concatenate([np.ravel(part) for part in (self.lengths, self.fingers, self.balls)])
-
-
-def relaxed_shape() -> Shape:
-    """The template's lengths, but the hands half closed."""
-    lengths = np.zeros(len(LENGTH_NAMES))
-    lengths[LENGTH_NAMES.index("forearm")], lengths[LENGTH_NAMES.index("fingertip")] = _FARTHER, _SHORTER
-    return Shape(lengths, np.array([0.0, _CLOSED]), np.zeros((len(FREE_BALLS), 4)))
 
 
 def lengths_of(skeleton: Skeleton) -> Float[np.ndarray, "lengths=11"]:
@@ -103,24 +91,40 @@ def shaped_body(template: Skeleton, shape: Shape) -> Body:
     return Body(body.skeleton, body.segments, body.offsets + own[:, :3] * sides, radii, body.links)
 
 
-def prior_precision(template: Skeleton) -> Float[np.ndarray, "unknowns unknowns"]:
-    """Precision (inverse covariance) of the unknowns, a weak one; the common scale of all lengths is free."""
-    deviation = np.sqrt(_SHARE**2 + (_CENTRE / lengths_of(template)) ** 2)
-    deviation[LENGTH_NAMES.index("head_top")] = _SHARE
-    weights = deviation**-2
-    precision = np.diag(np.concatenate([weights, np.full(2, _FINGERS_PLAY**-2), _balls_precision(template)]))
-    precision[:11, :11] -= np.outer(weights, weights) / weights.sum()
-    precision[np.ix_(_TOP, _TOP)] += _TOP_PLAY**-2
-    return precision
+class Prior(NamedTuple):
+    """What is known about a subject before anything is seen."""
+
+    mean: Shape
+    precision: Float[np.ndarray, "unknowns unknowns"]
+    """Inverse covariance of the unknowns in a row; the common scale of all lengths is free."""
 
 
-def _balls_precision(template: Skeleton) -> Float[np.ndarray, " unknowns"]:
-    radii, rows = np.asarray(make_body(template).radii), []
-    for ball in FREE_BALLS:
-        name = BALL_NAMES[ball]
-        front, out, up = np.broadcast_to(_PLAYS.get(name.removeprefix("l_"), _TRUNK_PLAY), 3)
-        rows.append([front, out if name.startswith("l_") else _NO_PLAY, up, _RADIUS_PLAY * radii[ball]])
-    return np.ravel(rows) ** -2.0
+def adults_prior(template: Skeleton) -> Prior:
+    """How adults differ from a template, see [`adults`][jaxskel._adults.adults]; their hands are half closed."""
+    table, height, count = adults(), float(template.height), len(QUANTITIES)
+    size = np.where(np.arange(count) < FLESH_FROM, 1.0, height)[:, None]
+    mean, rest, axes = np.zeros((count, 1)), np.zeros((count, 1)), np.zeros((count, table.axes.shape[1]))
+    known = [QUANTITIES.index(name) for name in table.names]
+    mean[known, 0], rest[known, 0], axes[known] = table.means, table.rest, table.axes
+    mean, rest, axes = (size * mean)[:, 0], np.hypot(size * rest, _unlike(template)[:, None])[:, 0], size * axes
+    mean[QUANTITIES.index("fingers out")], mean[QUANTITIES.index("fingertip")] = _CLOSED, _SHORTER
+    precision = np.linalg.inv(axes @ axes.T + np.diag(rest**2))
+    scale = precision[:, : len(LENGTH_NAMES)].sum(1)
+    precision -= np.outer(scale, scale) / scale[: len(LENGTH_NAMES)].sum()
+    return Prior(Shape.of(mean), precision)
+
+
+def _unlike(template: Skeleton) -> Float[np.ndarray, " unknowns"]:
+    """Standard deviation of each unknown that the table of adults knows nothing of."""
+    lengths = np.sqrt(_SHARE**2 + (_CENTRE / lengths_of(template)) ** 2)
+    lengths[LENGTH_NAMES.index("fingertip")] = _FINGERTIP_PLAY
+    flesh = np.full(len(QUANTITIES) - FLESH_FROM, _FLESH * float(template.height))
+    for place, quantity in enumerate(QUANTITIES[FLESH_FROM:]):
+        ball, what = quantity.split()
+        flesh[place] = _HAND_PLAYS.get(ball, flesh[place])
+        if what == "out" and ball in BALL_NAMES:  # balls of the middle stay there
+            flesh[place] = _NO_PLAY
+    return np.concatenate([lengths, [_FINGERS_PLAY, _FINGERS_PLAY], flesh])
 
 
 def _bones_to() -> Float[np.ndarray, "points=20 bones=19"]:
@@ -133,6 +137,4 @@ def _bones_to() -> Float[np.ndarray, "points=20 bones=19"]:
 
 
 _BONES_TO = _bones_to()
-# Where the crown is higher and what it is thicker by: together, how far its top is above the tip of the head.
-_TOP = 13 + 4 * FREE_BALLS.index(BALL_NAMES.index("crown")) + np.array([2, 3])
 _FINGERS_TO = _FINGERTIPS - 1

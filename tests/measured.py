@@ -4,7 +4,7 @@ import numpy as np
 
 from jaxskel import Recording, default_adult
 from jaxskel._body import BALL_NAMES, FREE_BALLS, Body, place_body
-from jaxskel._dimensions import LENGTH_NAMES, Shape, relaxed_shape, shaped_body
+from jaxskel._dimensions import LENGTH_NAMES, Shape, adults_prior, shaped_body
 from jaxskel._recording import Truth
 from jaxskel._skeleton import Pose
 from jaxskel._stacks import taken

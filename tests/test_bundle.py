@@ -11,9 +11,9 @@ from drawn import ideal_graph
 from measured import ADULT, film_person, other_person
 
 from jaxskel import Pose, contours, silhouette_distances
-from jaxskel._body import LINKS, Body, ball_centres
+from jaxskel._body import LINKS, Body, ball_centres, place_joints
 from jaxskel._bundle import bundle_adjust, linearised
-from jaxskel._dimensions import LENGTH_NAMES, Shape, lengths_of, relaxed_shape, shaped_body
+from jaxskel._dimensions import LENGTH_NAMES, Prior, Shape, adults_prior, lengths_of, shaped_body
 from jaxskel._shape_quadrics import contour_quadrics, inside_quadrics
 from jaxskel._stacks import filled, on_device, single_precision, taken
 from jaxskel.parametrisations import HingedLimbs
@@ -21,6 +21,7 @@ from jaxskel.terms import ContourContact, InsideSilhouettes, Observed, place
 
 FRAMES = 16
 HINGED = HingedLimbs()
+PRIOR = adults_prior(ADULT)
 BONES = slice(0, 8)
 # Flesh tells little of where necks and palms are.
 SEEN = [LENGTH_NAMES.index(name) for name in ("shoulder", "upper_arm", "thigh", "shank")]
@@ -108,7 +109,7 @@ def test_another_persons_lengths_are_found(scene):
     used = np.ones(FRAMES, bool)
     start = filled(scene.truth)
     stack = on_device(scene.observed)
-    found = bundle_adjust(ADULT, relaxed_shape(), start, stack, used)
+    found = bundle_adjust(ADULT, PRIOR, PRIOR.mean, start, stack, used)
     true, usual = lengths_of(scene.body.skeleton), lengths_of(ADULT)
     lengths = lengths_of(shaped_body(ADULT, found.shape).skeleton)
     off, before = np.abs(lengths / true - 1), np.abs(usual / true - 1)
@@ -124,9 +125,25 @@ def test_frames_that_do_not_count_keep_their_poses_and_say_nothing(scene):
         np.where(np.arange(len(poses.root))[:, None] < 10, poses.root, poses.root + np.float32(0.3)), poses.rotations
     )
     one, other = (
-        bundle_adjust(ADULT, relaxed_shape(), start, on_device(scene.observed), used, steps=2)
+        bundle_adjust(ADULT, PRIOR, PRIOR.mean, start, on_device(scene.observed), used, steps=2)
         for start in (poses, wrong)
     )
     np.testing.assert_allclose(other.shape.lengths, one.shape.lengths, atol=1e-5)
     np.testing.assert_allclose(other.poses.root[10:], wrong.root[10:], atol=1e-6)
     assert np.abs(one.poses.root[:10] - poses.root[:10]).max() > 1e-4
+
+
+def test_joints_that_are_known_hold_the_poses(scene):
+    # Starts that are off by more than outlines would bring back in a few steps, and lengths that are known.
+    lengths = np.log(lengths_of(scene.body.skeleton) / lengths_of(ADULT))
+    precision = PRIOR.precision + np.diag(np.r_[np.full(11, 1e10), np.zeros(82)])
+    prior = Prior(Shape(lengths, PRIOR.mean.fingers, PRIOR.mean.balls), precision)
+    joints = np.asarray(place_joints(single_precision(scene.body.skeleton), single_precision(scene.truth))[0])
+    away = filled(Pose(scene.truth.root + np.array([0.25, 0.0, 0.1]), scene.truth.rotations))
+    used, stack = np.ones(FRAMES, bool), on_device(scene.observed)
+    found = bundle_adjust(ADULT, prior, prior.mean, away, stack, used, steps=6, tolerance=0.0, joints=filled(joints))
+    skeleton = single_precision(shaped_body(ADULT, found.shape).skeleton)
+    np.testing.assert_allclose(lengths_of(skeleton)[:8], lengths_of(scene.body.skeleton)[:8], rtol=1e-3)
+    off = np.linalg.norm(np.asarray(place_joints(skeleton, taken(found.poses, np.arange(FRAMES)))[0]) - joints, axis=-1)
+    assert np.median(off) < 0.005
+    assert off.max() < 0.03

@@ -2,18 +2,21 @@
 
 from dataclasses import replace
 
+import equinox as eqx
 import jax
 import numpy as np
 import pytest
+from adults import measured
 from measured import ADULT, film_person, other_person
 from test_shared import SEQUENCE, needs
 
-from jaxskel import Pose, Settings, calibrate_body, default_adult, read_recording
+from jaxskel import Pose, Settings, Truth, calibrate_body, default_adult, read_recording
+from jaxskel._body import place_joints
 from jaxskel._calibrate_body import STAGES, _look, _turning
-from jaxskel._dimensions import LENGTH_NAMES, lengths_of
+from jaxskel._dimensions import LENGTH_NAMES, QUANTITIES, Shape, lengths_of
 from jaxskel._rotations import turn_about
 from jaxskel._skeleton import SEGMENT_NAMES
-from jaxskel.io import read_body, read_subject, write_subject
+from jaxskel.io import read_body, read_subject, write_recording, write_subject
 
 PERSON = other_person()
 MOVED = ("shoulder", "upper_arm", "thigh", "shank")
@@ -117,3 +120,29 @@ def test_a_realistic_body_from_a_template_that_is_too_tall():
     assert off[[2, 3, 4, 9, 10]].max() < 0.08
     assert off.max() < 0.15
     assert jax.tree.all(jax.tree.map(lambda a: bool(np.isfinite(a).all()), found.body))
+
+
+def test_flesh_around_known_joints_is_measured(tmp_path):
+    # A person made of the body's own capsules: what is found is what was put there.
+    recording, motion = film_person(PERSON, 16)
+    joints, tips = (np.asarray(a, np.float64) for a in place_joints(PERSON.skeleton, motion))
+    known = eqx.tree_at(lambda r: r.truth, recording, Truth(joints, tips))
+    path = tmp_path / "person.npz"
+    write_recording(path, known)
+    vector = measured(path)
+    shape, height = Shape.of(vector), PERSON.skeleton.stature
+    expected = lengths_of(PERSON.skeleton) / lengths_of(default_adult(height))
+    np.testing.assert_allclose(np.exp(shape.lengths)[:8], expected[:8], rtol=1e-3)
+    radii = {name: 1e3 * height * vector[QUANTITIES.index(f"{name} radius")] for name in ("waist", "chest", "hip", "knee")}
+    # 8 mm stouter at waist and chest; images are coarse, a pixel is 12 mm wide.
+    assert radii["waist"] == pytest.approx(8, abs=4)
+    assert radii["chest"] == pytest.approx(8, abs=4)
+    assert radii["hip"] == pytest.approx(0, abs=4)
+    assert radii["knee"] == pytest.approx(0, abs=4)
+
+
+def test_people_without_known_joints_cannot_be_measured(filmed, tmp_path):
+    path = tmp_path / "person.npz"
+    write_recording(path, eqx.tree_at(lambda r: r.truth, filmed, None, is_leaf=lambda leaf: leaf is None))
+    with pytest.raises(ValueError, match=r"person\.npz: keys 'rest_joints', 'joints'"):
+        measured(path)

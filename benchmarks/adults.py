@@ -1,0 +1,127 @@
+"""How adults differ: makes the table of bone lengths and flesh that `calibrate_body` starts from.
+
+    python benchmarks/adults.py SEQUENCE.npz ...
+
+Each sequence file shows another person, whose dimensions and joints are known. Where the flesh of `make_body` sits around
+these joints is found in the way in which `calibrate_body` does it. Means, common deviations and the rest of each quantity
+go to `jaxskel/adults.csv`.
+
+The table of the package is of 160 bodies of MakeHuman (`benchmarks/makehuman.py`), each in 16 moments of one clip of the
+CMU database: 01_01, 02_05, 05_02, 13_18 and 16_11 in turn, those that all settings were chosen on.
+"""
+
+import argparse
+import os
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float
+
+from jaxskel import Skeleton, default_adult, make_skeleton, read_recording, refinement_problem
+from jaxskel._body import BALL_NAMES, place_joints
+from jaxskel._bundle import bundle_adjust
+from jaxskel._dimensions import (
+    FLESH_FROM,
+    LENGTH_NAMES,
+    QUANTITIES,
+    Prior,
+    Shape,
+    lengths_of,
+    shaped_skeleton,
+)
+from jaxskel._parallel import take_core
+from jaxskel._stacks import filled, on_device
+
+AXES = 12
+LEFT_OUT = ("fingertip", "fingers front", "fingers out", "palm ", "finger ")
+"""Of hands only the way to the palm counts: people open and close them."""
+_STEPS = 25
+# Flesh may be anywhere (m), and fingers point any way (tangent of an angle); lengths and the middle are what they are.
+_ANYWHERE, _ANY_WAY, _FIXED = 0.03, 5.0, 1e-5
+# Frames with a joint farther from where it is (m) show nothing.
+_WRONG = 0.15
+
+
+def measured(path: Path) -> Float[np.ndarray, " quantities"]:
+    """The unknowns of `Shape` that stand for a person: lengths, and the flesh that outlines show around the joints.
+
+    Flesh is given as shares of the stature.
+
+    Raises:
+        ValueError: The file lacks dimensions or joints.
+    """
+    recording = read_recording(path)
+    if recording.skeleton is None or recording.truth is None:
+        raise ValueError(f"{path}: keys 'rest_joints', 'joints': give sequence files with known dimensions and joints")
+    template = default_adult(recording.skeleton.stature)
+    prior = _known_lengths(recording.skeleton, template)
+    shaped = shaped_skeleton(template, prior.mean)
+    skeleton = make_skeleton(np.asarray(shaped.rest_joints), np.asarray(shaped.rest_tips))
+    problem = refinement_problem(eqx.tree_at(lambda r: r.skeleton, recording, skeleton))
+    assert problem.truth is not None
+    found = np.asarray(place_joints(problem.skeleton, problem.initial)[0])
+    used = np.linalg.norm(found - problem.truth, axis=-1).max(1) < _WRONG
+    stack = on_device(problem.observed.seen_only().thinned(3))
+    start, joints = filled(problem.initial), filled(problem.truth)
+    vector = bundle_adjust(template, prior, prior.mean, start, stack, used, _STEPS, 0.0, joints).shape.vector
+    return np.concatenate([vector[:FLESH_FROM], vector[FLESH_FROM:] / template.height])
+
+
+def _known_lengths(skeleton: Skeleton, template: Skeleton) -> Prior:
+    """Lengths are what they are, flesh may be anywhere."""
+    lengths = np.log(lengths_of(skeleton) / lengths_of(template))
+    deviations = np.full(len(QUANTITIES), _ANYWHERE)
+    for place, quantity in enumerate(QUANTITIES):
+        if quantity.startswith("fingers"):
+            deviations[place] = _ANY_WAY
+        elif quantity in LENGTH_NAMES or (quantity.endswith(" out") and quantity.split()[0] in BALL_NAMES):
+            deviations[place] = _FIXED
+    return Prior(Shape(lengths, np.zeros(2), np.zeros((20, 4))), np.diag(deviations**-2.0))
+
+
+def table(vectors: Float[np.ndarray, "bodies quantities"]) -> str:
+    """Means, common deviations and the rest, a line for each quantity."""
+    varied = vectors.std(0) > 1e-9
+    rows = [i for i, name in enumerate(QUANTITIES) if varied[i] and not name.startswith(LEFT_OUT)]
+    chosen = vectors[:, rows]
+    spread = chosen.std(0, ddof=1)
+    # Principal components, each quantity in its own unit.
+    _, sizes, axes = np.linalg.svd((chosen - chosen.mean(0)) / spread, full_matrices=False)
+    axes = (sizes[:AXES, None] / np.sqrt(len(chosen) - 1) * axes[:AXES]).T * spread[:, None]
+    rest = np.sqrt(np.maximum(spread**2 - (axes**2).sum(1), 0))
+    lines = [",".join(["quantity", "mean", "rest", *(f"axis {number + 1}" for number in range(AXES))])]
+    for row, mean, left, own in zip(rows, chosen.mean(0), rest, axes, strict=True):
+        lines.append(",".join([QUANTITIES[row], *(f"{value:.5f}" for value in (mean, left, *own))]))
+    return "\n".join(lines) + "\n"
+
+
+def _begin(cores: Any) -> None:
+    take_core(cores.get())
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("sequences", nargs="+", type=Path)
+    parser.add_argument("-o", "--output", type=Path, default=Path(__file__).parent.parent / "jaxskel" / "adults.csv")
+    arguments = parser.parse_args()
+    vectors = []
+    # A process has one core: threads of NumPy would wait for each other there.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    processes, context = os.cpu_count() or 1, get_context("spawn")
+    cores = context.Queue()
+    for core in range(processes):
+        cores.put(core)
+    with ProcessPoolExecutor(processes, context, _begin, (cores,)) as pool:
+        for path, vector in zip(arguments.sequences, pool.map(measured, arguments.sequences), strict=True):
+            vectors.append(vector)
+            print(f"{path}: {len(vectors)} of {len(arguments.sequences)}", flush=True)
+    arguments.output.write_text(table(np.array(vectors)))
+    print(f"{arguments.output}: {len(vectors)} adults")
+
+
+if __name__ == "__main__":
+    main()
