@@ -40,7 +40,7 @@ from jaxskel._stacks import filled, on_device
 AXES = 40
 LEFT_OUT = ("fingertip", "fingers front", "fingers out", "palm ", "finger ")
 """Of hands only the way to the palm counts: people open and close them."""
-_STEPS, _FREE_STEPS = 25, 15
+_STEPS = 25
 # Flesh may be anywhere (m), and fingers point any way (tangent of an angle); lengths and the middle are what they are.
 _ANYWHERE, _ANY_WAY, _FIXED = 0.03, 5.0, 1e-5
 # Frames with a joint farther from where it is (m) show nothing.
@@ -68,9 +68,7 @@ def measured(path: Path) -> Float[np.ndarray, " quantities"]:
     used = np.linalg.norm(found - problem.truth, axis=-1).max(1) < _WRONG
     initial, observed = jax.tree.map(np.asarray, (problem.initial, problem.observed.seen_only().thinned(3)))
     start, joints, stack = filled(initial), filled(problem.truth), on_device(observed)
-    held = bundle_adjust(template, prior, prior.mean, start, stack, used, _STEPS, 0.0, joints)
-    # As `calibrate_body` sees the person, who does not know the joints.
-    vector = bundle_adjust(template, prior, held.shape, held.poses, stack, used, _FREE_STEPS, 0.0).shape.vector
+    vector = bundle_adjust(template, prior, prior.mean, start, stack, used, _STEPS, 0.0, joints).shape.vector
     return np.concatenate([vector[:FLESH_FROM], vector[FLESH_FROM:] / template.height])
 
 

@@ -31,7 +31,7 @@ class Adults(NamedTuple):
 @cache
 def adults() -> Adults:
     """Read the table that `benchmarks/adults.py` makes."""
-    lines = files(__package__).joinpath(_TABLE).read_text(encoding="utf-8").splitlines()
+    lines = files("jaxskel").joinpath(_TABLE).read_text(encoding="utf-8").splitlines()
     rows = [line.split(",") for line in lines[1:]]
     numbers = np.array([[float(cell) for cell in row[1:]] for row in rows])
     return Adults(tuple(row[0] for row in rows), numbers[:, 0], numbers[:, 2:], numbers[:, 1])
