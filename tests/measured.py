@@ -3,33 +3,21 @@
 import numpy as np
 
 from jaxskel import Recording, default_adult
-from jaxskel._body import Body, place_body
-from jaxskel._dimensions import QUANTITIES, Shape, adults_prior, shaped_body
+from jaxskel._body import BALL_NAMES, Body, place_body
 from jaxskel._recording import Truth
 from jaxskel._skeleton import Pose
 from jaxskel._stacks import taken
-from jaxskel.synthetic import camera_ring, demo_motion, render
+from jaxskel.synthetic import camera_ring, demo_motion, draw_adult, render
 
 ADULT = default_adult()
 _STOUTER = 0.008  # m, at waist and chest
 
 
 def other_person() -> Body:
-    """Somebody as adults are, drawn at random, but stouter at waist and chest than goes with the rest."""
-    prior = adults_prior(ADULT)
-    sizes, directions = np.linalg.eigh(prior.precision)
-    # The first is the size, which is free.
-    drawn = np.random.default_rng(1).normal(size=len(sizes) - 1) / np.sqrt(sizes[1:])
-    vector = prior.mean.vector + directions[:, 1:] @ drawn
-    hands = [i for i, name in enumerate(QUANTITIES) if name.startswith(("finger", "palm"))]
-    vector[hands] = prior.mean.vector[hands]
-    for name in ("waist", "chest"):
-        vector[QUANTITIES.index(f"{name} radius")] += _STOUTER
-    body = shaped_body(ADULT, Shape.of(vector))
-    skeleton = ADULT.__class__(
-        *(np.asarray(a, np.float64) for a in (body.skeleton.rest_joints, body.skeleton.rest_tips))
-    )
-    return Body(skeleton, body.segments, np.asarray(body.offsets), np.asarray(body.radii), body.links)
+    """Somebody as adults are, but stouter at waist and chest than goes with the rest."""
+    body = draw_adult(1, 1.78)
+    stouter = [_STOUTER * (name[2:] in ("waist", "chest")) for name in BALL_NAMES]
+    return Body(body.skeleton, body.segments, body.offsets, np.asarray(body.radii) + stouter, body.links)
 
 
 def film_person(body: Body, frames: int) -> tuple[Recording, Pose]:

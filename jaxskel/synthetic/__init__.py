@@ -3,6 +3,7 @@
 from .._body import Body as Body
 from .._body import place_body as place_body
 from .._body import place_joints as place_joints
+from .adult import draw_adult as draw_adult
 from .anatomy import detailed_body as detailed_body
 from .asf_amc import parse_asf_amc as parse_asf_amc
 from .asf_amc import read_asf_amc as read_asf_amc
