@@ -22,7 +22,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from jaxskel import Skeleton, default_adult, make_skeleton, read_recording, refinement_problem
+from jaxskel import Skeleton, default_adult, read_recording, refinement_problem
 from jaxskel._body import BALL_NAMES, place_joints
 from jaxskel._bundle import bundle_adjust
 from jaxskel._dimensions import (
@@ -32,7 +32,7 @@ from jaxskel._dimensions import (
     Prior,
     Shape,
     lengths_of,
-    shaped_skeleton,
+    measured_body,
 )
 from jaxskel._parallel import take_core
 from jaxskel._stacks import filled, on_device
@@ -60,8 +60,7 @@ def measured(path: Path) -> Float[np.ndarray, " quantities"]:
         raise ValueError(f"{path}: keys 'rest_joints', 'joints': give sequence files with known dimensions and joints")
     template = default_adult(recording.skeleton.stature)
     prior = _known_lengths(recording.skeleton, template)
-    shaped = shaped_skeleton(template, prior.mean)
-    skeleton = make_skeleton(np.asarray(shaped.rest_joints), np.asarray(shaped.rest_tips))
+    skeleton = measured_body(template, prior.mean).skeleton
     problem = refinement_problem(eqx.tree_at(lambda r: r.skeleton, recording, skeleton))
     assert problem.truth is not None
     found = np.asarray(place_joints(problem.skeleton, problem.initial)[0])

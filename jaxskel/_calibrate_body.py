@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 from ._body import Body
 from ._bundle import bundle_adjust
 from ._calibrate import Costs
-from ._dimensions import LENGTH_NAMES, adults_prior, lengths_of, shaped_body
+from ._dimensions import LENGTH_NAMES, adults_prior, lengths_of, measured_body
 from ._fits import fit_poses, fit_scales
 from ._frame_words import FRAMES_PER_WORD
 from ._graph import SkeletalGraph
@@ -21,7 +21,7 @@ from ._observe import Seen, labelled_limbs, middles_of_people, observed_volume, 
 from ._prepare import prepare
 from ._recording import Recording
 from ._settings import Settings
-from ._skeleton import JOINT_NAMES, SEGMENT_NAMES, SEGMENT_PARENTS, Pose, Skeleton, make_skeleton
+from ._skeleton import JOINT_NAMES, SEGMENT_NAMES, SEGMENT_PARENTS, Pose, Skeleton
 from ._solve import make_model, solve_frames
 from ._stacks import filled, on_device, single_precision, taken
 from ._starts import graphless_poses, start_poses
@@ -124,7 +124,7 @@ def calibrate_body(
     on_stage(STAGES[0])
     template, sight = _look(recording, settings, skeleton, frames)
     prior = adults_prior(template)
-    shape, body = prior.mean, _in_double(shaped_body(template, prior.mean))
+    shape, body = prior.mean, measured_body(template, prior.mean)
     stack = on_device(sight.observed.seen_only())
     for searching, adjusting in (STAGES[1:3], STAGES[3:5]):
         on_stage(searching)
@@ -134,7 +134,7 @@ def calibrate_body(
         used = found.cost[:, 0] <= np.quantile(found.cost[:, 0], _USED)
         on_stage(adjusting)
         adjusted = bundle_adjust(template, prior, shape, filled(found.best), stack.thinned(_SOME), used)
-        shape, body = adjusted.shape, _in_double(shaped_body(template, adjusted.shape))
+        shape, body = adjusted.shape, measured_body(template, adjusted.shape)
     on_stage(STAGES[5])
     poses = taken(adjusted.poses, np.flatnonzero(used))
     fitted = fit_poses(
@@ -200,10 +200,3 @@ def _turning(poses: Pose, skeleton: Skeleton, bone: str) -> float:
         seen = np.einsum("fji,fjk,k->fi", rotations[:, SEGMENT_PARENTS[segment]], rotations[:, segment], own)
         angles.append(np.quantile(np.arccos(np.clip(seen @ seen.T, -1, 1)), _PAIRS))
     return float(max(angles))
-
-
-def _in_double(body: Body) -> Body:
-    """As NumPy arrays, the skeleton checked."""
-    offsets, radii = (np.asarray(a, np.float64) for a in (body.offsets, body.radii))
-    skeleton = make_skeleton(np.asarray(body.skeleton.rest_joints), np.asarray(body.skeleton.rest_tips))
-    return Body(skeleton, body.segments, offsets, radii, body.links)

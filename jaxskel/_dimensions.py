@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from ._adults import adults
 from ._body import BALL_NAMES, BALL_SIDES, FREE_BALLS, LIKE_BALL, Body, make_body
-from ._skeleton import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES, TIP_PARENTS, Skeleton
+from ._skeleton import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES, TIP_PARENTS, Skeleton, make_skeleton
 
 LENGTH_NAMES = (
     "trunk", "neck", "shoulder", "upper_arm", "forearm", "hip", "thigh", "shank", "head_top", "fingertip", "toetip",
@@ -89,6 +89,14 @@ def shaped_body(template: Skeleton, shape: Shape) -> Body:
     sides = np.stack([np.ones_like(BALL_SIDES), BALL_SIDES, np.ones_like(BALL_SIDES)], -1).astype(np.float32)
     radii = jnp.maximum(body.radii + own[:, 3], _THINNEST)
     return Body(body.skeleton, body.segments, body.offsets + own[:, :3] * sides, radii, body.links)
+
+
+def measured_body(template: Skeleton, shape: Shape) -> Body:
+    """The same as NumPy arrays in double precision, the skeleton checked."""
+    body = shaped_body(template, shape)
+    offsets, radii = (np.asarray(a, np.float64) for a in (body.offsets, body.radii))
+    skeleton = make_skeleton(np.asarray(body.skeleton.rest_joints), np.asarray(body.skeleton.rest_tips))
+    return Body(skeleton, body.segments, offsets, radii, body.links)
 
 
 class Prior(NamedTuple):
