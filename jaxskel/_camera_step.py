@@ -40,6 +40,7 @@ def noise_of(residuals: Float[Array | np.ndarray, " rays"]) -> float:
 def camera_step(
     rays: Sensitivity,
     tangents: Sensitivity,
+    alike: Float[Array | np.ndarray, " tangents"],
     now: Float[Array | np.ndarray, "cams 6"],
     units: Float[Array | np.ndarray, "6"],
     noise: Float[Array | np.ndarray, "2"],
@@ -52,21 +53,23 @@ def camera_step(
     Args:
         rays: Residuals r of the rig as it is now, evidence where they are positive.
         tangents: Residuals q that are evidence in either direction.
+        alike: So many of these err together.
         now: The rig's unknowns.
         units: The prior's standard deviations of the unknowns of a camera (rad and m).
         noise: Of the rays and of the tangents, see `noise_of`.
     """
     start = jnp.asarray(now).reshape(-1)
 
-    def weighted(found: Sensitivity, noise: Float[Array, ""], alike: float, margin: float) -> tuple[Array, Array]:
+    def weighted(
+        found: Sensitivity, noise: Float[Array, ""], alike: Array | float, margin: float
+    ) -> tuple[Array, Array]:
         # Geman and McClure's weights.
-        weight = 1 / (1 + (found.value / (_TAIL * noise)) ** 2) / (noise * np.sqrt(alike))
+        weight = 1 / (1 + (found.value / (_TAIL * noise)) ** 2) / (noise * jnp.sqrt(alike))
         rows = (found.slopes * units[None, None]).reshape(len(found.value), -1) * weight[:, None]
         return rows, (found.value - margin) * weight - rows @ start
 
     noise = jnp.asarray(noise)
-    # The planes of a view with each of the others touch about the same place of its outline, and err together.
-    shared = max(_ALIKE, len(now) - 1.0)
+    shared = jnp.maximum(jnp.asarray(alike), _ALIKE)
     given = weighted(rays, noise[0], _ALIKE, _LEAST_NOISE), weighted(tangents, noise[1], shared, 0.0)
 
     def residuals(unknowns: Float[Array, " unknowns"], given: tuple[tuple[Array, Array], ...]) -> tuple[Array, ...]:

@@ -1,122 +1,145 @@
 """Epipolar tangents: a plane through two optical centres that touches the body touches both of its silhouettes.
 
-The convex hull of a silhouette is the silhouette of the body's convex hull, so of the planes of a pair of views the two
-outermost ones are the same from either side, whatever the pose and whatever hides what. Unlike rays that run deep
-through the hull of other views, these tell of errors in both directions.
+Where a plane of the pencil through two optical centres touches the body, both outlines turn back from it: in a frontier
+point. Unlike rays that run deep through the hull of other views, these tell of errors in both directions. Of each pair
+of views the two outermost planes belong together, whatever the pose and whatever hides what, since the convex hull of a
+silhouette is the silhouette of the body's convex hull. Of all others, at a hand, an elbow or a hip, those do that are
+nearly one plane by a rig that is nearly right.
 
-After S. N. Sinha, M. Pollefeys: Camera Network Calibration and Synchronization from Silhouettes in Archived Video,
-IJCV 2010.
+After R. Cipolla, K. E. Astrom, P. J. Giblin: Motion from the Frontier of Curved Surfaces, ICCV 1995, and S. N. Sinha,
+M. Pollefeys: Camera Network Calibration and Synchronization from Silhouettes in Archived Video, IJCV 2010.
 """
 
-import cv2
+from typing import NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int, UInt8
+from jaxtyping import Array, Bool, Float, Int
 
 from ._camera import Cameras
 from ._coherence import Sensitivity
-from ._distance_images import DistanceImages
 from ._extrinsics import optical_centres
 from ._kept import kept
+from ._outline_chains import OutlineChains
 from ._rotations import cross, turned
-from ._sight_lines import sight_lines
-from ._views import unpacked_box
 
-# Corners of the convex hull of an outline; there are seldom more than half as many.
-_CORNERS = 96
-# Points of an outline that the corners are found among: all of those of a person who is 1000 px tall.
-_POINTS = 5000
-# Planes are told from each other by their angle to the one through the middle of the person (rad). Where the other
-# camera is seen in front of the person or behind, there is no outermost one.
+# Where the other camera is seen in front of the person or behind, planes go all around it and none is outermost: their
+# angle to the one through the middle of the person goes beyond this (rad).
 _WIDEST = 1.3
-
-
-class ConvexOutlines(eqx.Module):
-    """Viewing rays through the corners of convex hulls of silhouettes, in the frames of reference of their cameras."""
-
-    directions: Float[np.ndarray, "frames cams corners 3"]
-    """Unit vectors. Where there are fewer corners, some are given again."""
-    whole: Bool[np.ndarray, "frames cams"]
-    """The view shows all of the person."""
+# Of the planes that touch an outline from one side, so many at most, from the outermost inwards.
+_PLANES = 12
+# There is room for so many tangents of a pair of views in a frame on average, twice as many as there are of ten views.
+_ROOM = 8
+# No other plane comes within so many gates of two that are taken for one.
+_ALONE = 2.0
 
 
 class EpipolarTangents(eqx.Module):
     """Pairs of rays that one plane through both optical centres holds, if the rig is right."""
 
-    cameras: Int[np.ndarray, "pairs 2"]
-    directions: Float[np.ndarray, "pairs 2 3"]
+    cameras: Int[np.ndarray, "tangents 2"]
+    directions: Float[np.ndarray, "tangents 2 3"]
     """Of the rays, in the frames of reference of their cameras."""
-    there: Bool[np.ndarray, " pairs"]
-    """False for pairs that are there to fill up: so there are as many of any rig."""
+    alike: Float[np.ndarray, " tangents"]
+    """So many err together, as their rays go through the same places of the outlines, on average of both."""
+    there: Bool[np.ndarray, " tangents"]
+    """False for those that are there to fill up: so there are as many of any rig."""
 
 
-def convex_outlines(
-    silhouettes: UInt8[np.ndarray, "frames cams h w8"],
-    cameras: Cameras,
-    lost: Bool[np.ndarray, "frames cams"],
-    images: DistanceImages,
-) -> ConvexOutlines:
-    """Convex hulls of the largest part of each silhouette.
+class _Planes(NamedTuple):
+    """Planes through the optical centres of a view and each other view that touch an outline of the first.
 
-    Args:
-        silhouettes: Packed bits.
-        cameras: The rig; extrinsics are not used.
-        lost: Views that are left out.
-        images: Of the same silhouettes: they tell where between the pixels the outline is.
+    On the second axis are those that have the outline at larger angles, then those that have it at smaller ones, each
+    from the outermost inwards.
     """
-    largest, whole = np.zeros_like(silhouettes), ~lost
-    for frame, view in zip(*np.nonzero(~lost), strict=True):
-        width, height = cameras.size[view].tolist()
-        largest[frame, view, :height], whole[frame, view] = _largest_part(silhouettes[frame, view, :height], width)
-    lines = sight_lines(largest, cameras, ~whole, images, _POINTS)
-    shape = (*lost.shape, _POINTS)
-    every, there = (np.asarray(a).reshape(*shape, *a.shape[2:]) for a in (lines.directions, lines.there))
-    directions = np.zeros((*lost.shape, _CORNERS, 3))
-    for frame, view in zip(*np.nonzero(whole), strict=True):
-        found = every[frame, view][there[frame, view] & (every[frame, view, :, 2] > 0)]
-        if len(found) == 0:
-            whole[frame, view] = False
-            continue
-        on_plane = (found[:, :2] / found[:, 2:]).astype(np.float32)
-        corners = found[np.asarray(cv2.convexHull(on_plane[:, None], returnPoints=False), int).ravel()]
-        chosen = np.linspace(0, len(corners) - 1, _CORNERS).astype(int)
-        directions[frame, view] = corners[chosen if len(corners) > _CORNERS else np.arange(_CORNERS) % len(corners)]
-    return ConvexOutlines(directions, whole)
+
+    angle: Float[np.ndarray, "*views 2 planes"]
+    """To the plane through the middle of the person, about the line from one centre to the other (rad); or NaN."""
+    spread: Float[np.ndarray, "*views 2 planes"]
+    """Of the angle, if the ray errs by a pixel (rad)."""
+    point: Int[np.ndarray, "*views 2 planes"]
+    """Of all outlines."""
+    outermost: Bool[np.ndarray, "*views"]
+    """The first planes have all of the person between them."""
 
 
 def epipolar_tangents(
-    cameras: Cameras, outlines: ConvexOutlines, middles: Float[np.ndarray, "frames 3"]
+    cameras: Cameras, outlines: OutlineChains, middles: Float[np.ndarray, "frames 3"], gate: float
 ) -> EpipolarTangents:
-    """The two outermost planes of each pair of views, looked up for a rig as it is.
+    """Planes that touch the outlines of two views, looked up for a rig as it is.
 
     Args:
         cameras: The rig.
         outlines: Of some frames.
         middles: Of the person in each frame (m).
+        gate: By how much two planes that are not outermost may miss each other (px, see `tangent_sensitivity`).
     """
-    R, centres = np.asarray(cameras.R, float), cameras.centres
-    rays = np.einsum("cji,fcrj->fcri", R, outlines.directions)
-    first, second = np.triu_indices(len(cameras), 1)
-    pairs = np.stack([first, second], 1)
-    with np.errstate(
-        invalid="ignore"
-    ):  # optical centres that are one, or in the middle of the person: NaN from here on
-        baseline = _unit(centres[second] - centres[first])
-        middle = middles[:, None] - centres[first]
-        middle = _unit(middle - np.einsum("fpi,pi->fp", middle, baseline)[..., None] * baseline)
-    across = np.cross(baseline, middle)
-    found, there = np.zeros((2, len(middles), len(pairs), 2, 3)), np.ones((len(middles), len(pairs)), bool)
-    every = np.arange(len(middles))[:, None]
-    for side in range(2):
-        own = rays[:, pairs[:, side]]
-        angle = np.arctan2(np.einsum("fpri,fpi->fpr", own, across), np.einsum("fpri,fpi->fpr", own, middle))
-        # NaN compares false.
-        there &= outlines.whole[:, pairs[:, side]] & (np.abs(angle).max(2) < _WIDEST)
-        for end, corner in enumerate((angle.argmin(2), angle.argmax(2))):
-            found[end, :, :, side] = outlines.directions[every, pairs[:, side], corner]
-    return EpipolarTangents(np.tile(pairs, (2 * len(middles), 1)), found.reshape(-1, 2, 3), np.tile(there.ravel(), 2))
+    pairs = np.stack(np.triu_indices(len(cameras), 1), 1)
+    first, second = pairs.T
+    frames, room = len(middles), _ROOM * len(pairs)
+    which, there = np.zeros((frames, room), int), np.zeros((frames, room), bool)
+    points = np.zeros((frames, room, 2), int)
+    for frame, middle in enumerate(middles):
+        views = [_touching(cameras, outlines, frame, view, middle) for view in range(len(cameras))]
+        planes = _Planes(*(np.stack(of_all) for of_all in zip(*views, strict=True)))
+        one, other = (_Planes(*(a[own, its] for a in planes)) for own, its in ((first, second), (second, first)))
+        pair, side, i, j = (found[:room] for found in np.nonzero(_are_one(one, other, gate)))
+        which[frame, : len(pair)], there[frame, : len(pair)] = pair, True
+        points[frame, : len(pair)] = np.stack([one.point[pair, side, i], other.point[pair, side, j]], 1)
+    there, points = there.ravel(), points.reshape(-1, 2)
+    uses = np.bincount(points[there].ravel(), minlength=len(outlines.directions))
+    beside = uses[outlines.neighbours].sum(1) + uses
+    if len(beside) == 0:
+        return EpipolarTangents(pairs[which.ravel()], np.zeros((len(there), 2, 3)), np.ones(len(there)), there)
+    return EpipolarTangents(
+        pairs[which.ravel()], outlines.directions[points], np.maximum(beside[points].mean(1), 1.0), there
+    )
+
+
+def _touching(
+    cameras: Cameras, outlines: OutlineChains, frame: int, view: int, middle: Float[np.ndarray, "3"]
+) -> _Planes:
+    """Planes of the pencils of one view with each other that touch its outline in one frame."""
+    first, count = outlines.first[frame, view], outlines.count[frame, view]
+    own = slice(first, first + count)
+    rays, centres = outlines.directions[own] @ np.asarray(cameras.R[view], float), cameras.centres
+    with np.errstate(invalid="ignore"):  # one optical centre, or one in the middle of the person: NaN from here on
+        # From the first view of a pair to the second, whichever of them this is.
+        baseline = _unit(np.sign(np.arange(len(cameras)) - view)[:, None] * (centres - centres[view]))
+        middle = middle - centres[view]
+        middle = _unit(middle - (baseline @ middle)[:, None] * baseline)
+    angle = np.arctan2(np.cross(baseline, middle) @ rays.T, middle @ rays.T)
+    beside = _turn(angle[:, outlines.neighbours[own] - first] - angle[..., None])
+    touches = np.stack([(beside > 0).all(-1), (beside < 0).all(-1)], 1) & outlines.convex[own]
+
+    other, side, point = np.nonzero(touches)
+    order = np.lexsort((np.where(side == 0, 1, -1) * angle[other, point], side, other))
+    other, side, point = other[order], side[order], point[order]
+    rank = np.arange(len(order)) - np.searchsorted(2 * other + side, 2 * other + side)
+    some = rank < _PLANES
+    there, other, point = (other[some], side[some], rank[some]), other[some], point[some]
+    angles, spreads = np.full((2, len(cameras), 2, _PLANES), np.nan)
+    points = np.zeros(angles.shape, int)
+    angles[there], points[there] = angle[other, point], first + point
+    K = np.asarray(cameras.K[view], float)
+    across = np.linalg.norm(np.cross(baseline[other], rays[point]), axis=-1)
+    spreads[there] = 2 / ((K[0, 0] + K[1, 1]) * np.maximum(across, 1e-10))
+    return _Planes(angles, spreads, points, (count > 0) & (np.abs(angle) < _WIDEST).all(1))
+
+
+def _are_one(one: _Planes, other: _Planes, gate: float) -> Bool[np.ndarray, "pairs 2 planes planes"]:
+    """Which planes of two views may be one."""
+    apart = np.abs(_turn(one.angle[..., :, None] - other.angle[..., None, :]))
+    apart /= np.hypot(one.spread[..., :, None], other.spread[..., None, :])
+    # NaN compares false.
+    near = apart < _ALONE * gate
+    found = (apart < gate) & (near.sum(-1, keepdims=True) == 1) & (near.sum(-2, keepdims=True) == 1)
+    outermost = one.outermost & other.outermost
+    found[outermost, :, 0], found[outermost, :, :, 0] = False, False
+    found[outermost, :, 0, 0] = np.isfinite(apart[outermost, :, 0, 0])
+    return found
 
 
 @kept
@@ -151,19 +174,10 @@ def tangent_sensitivity(cameras: Cameras, tangents: EpipolarTangents) -> Sensiti
     return Sensitivity(value, jnp.zeros((len(pair), len(cameras), 6)).at[every, pair].add(slopes))
 
 
+def _turn(angles: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch"]:
+    """Angles within half a turn of zero (rad)."""
+    return angles - 2 * np.pi * np.round(angles / (2 * np.pi))
+
+
 def _unit(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3"]:
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-
-
-def _largest_part(packed: UInt8[np.ndarray, "h w8"], width: int) -> tuple[UInt8[np.ndarray, "h w8"], bool]:
-    """The largest connected part of a silhouette, and whether no edge of the image cuts it off."""
-    mask = unpacked_box(packed, 0, len(packed), 0, width)
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=8)
-    if len(stats) < 2:
-        return np.zeros_like(packed), False
-    largest = 1 + stats[1:, cv2.CC_STAT_AREA].argmax()
-    left, top, across, down, _ = stats[largest]
-    whole = bool(left > 0 and top > 0 and left + across < width and top + down < len(packed))
-    kept = np.zeros((len(packed), 8 * packed.shape[1]), bool)
-    kept[:, :width] = labels == largest
-    return np.packbits(kept, axis=1), whole

@@ -9,12 +9,13 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
 from ._camera import Cameras
-from ._camera_step import camera_step, noise_of
+from ._camera_step import CameraStep, camera_step, noise_of
 from ._coherence import NOTHING, Sensitivity, sensitivity
 from ._contacts import Contacts, find_contacts
 from ._distance_images import DistanceImages, distance_images
-from ._epipolar_tangents import ConvexOutlines, convex_outlines, epipolar_tangents, tangent_sensitivity
+from ._epipolar_tangents import EpipolarTangents, epipolar_tangents, tangent_sensitivity
 from ._extrinsics import ExtrinsicChange, changed, no_change
+from ._outline_chains import OutlineChains, outline_chains
 from ._placement import body_middles
 from ._recording import Recording
 from ._sight_lines import SightLines, sight_lines
@@ -25,10 +26,15 @@ FRAMES = 60
 """Frames that are used by default: the errors of their masks are independent, those of more rays of a frame are not."""
 _RAYS = 300  # of a view: every fifth point of the outline of a person who is 400 px tall
 _ROUNDS = 20
+# Planes that are not outermost are taken for one if they miss each other by no more than so many standard deviations of
+# the noise of the round before.
+_GATE = 3.0
 # The search ends where no unknown changes by more than this part of its prior's standard deviation.
 _CHANGE = 0.03
 # Distances reach as far as an error of this many of the prior's standard deviations moves a silhouette.
 _SIGMAS = 4.0
+# The prior's standard deviations are narrowed to this part at most.
+_NARROWEST = 0.1
 # A camera whose rotation is known no better than this, in units of the prior's, was hardly seen. (What the silhouettes
 # cannot tell, a turn of the whole rig, leaves 0.6 of it in a rig of three, less in others.)
 _HARDLY = 0.8
@@ -65,16 +71,18 @@ def refine_cameras(
 
     Every outline's ray must touch the hull of the other views, and a plane through two optical centres that touches one
     view's silhouette must touch the other's. Robust Gauss-Newton: in each round the places where rays come nearest to
-    the other silhouettes are looked up, and the outermost planes; the positive residuals (px) of rays and all residuals
-    (px) of planes, linear in the extrinsics, are brought down together with the prior. Intrinsics and distortion stay.
+    the other silhouettes are looked up, and the planes that touch; the positive residuals (px) of rays and all
+    residuals (px) of planes, linear in the extrinsics, are brought down together with the prior. The prior is narrowed
+    to what the changes so far could be drawn from (empirical Bayes). Intrinsics and distortion stay.
     The silhouettes cannot tell a rigid motion or a scale of the whole rig: the prior keeps it where it is. Compare rigs
     by [`compare_rigs`][jaxskel.compare_rigs].
 
     Args:
         recording: With cameras that are roughly right: twice the standard deviations or so.
         frames: How many frames, spread over those that at least three views see the person in; or which ones.
-        rotation_sd: How far off the rotation of a camera may be about each axis (rad, standard deviation).
-        shift_sd: How far off its optical centre may be along each axis (m, standard deviation).
+        rotation_sd: How far off the rotation of a camera may be about each axis (rad, standard deviation). Cameras that
+            are less far off than this need not be told: the prior narrows.
+        shift_sd: How far off its optical centre may be along each axis (m, standard deviation), likewise.
 
     Returns:
         The refined rig. Without a frame that three views see the person in, the rig as it is, not converged.
@@ -92,23 +100,24 @@ def refine_cameras(
         return _unrefined(recording.cameras)
 
     outlines = _outlines(np.asarray(recording.silhouettes[chosen]), given, lost, rotation_sd)
-    units = np.repeat((rotation_sd, shift_sd), 3)
-    unknowns, spread, converged = np.zeros((len(given), 6)), np.ones((len(given), 6)), False
+    given_sd = np.repeat((rotation_sd, shift_sd), 3)
+    total, sd, gate, converged = np.zeros((len(given), 6)), given_sd, 0.0, False
     rig, found = given, outlines.seen_by(given)
     before = outlines.missed(found)
     for _ in range(_ROUNDS):
-        apart, there = outlines.apart_in(rig)
-        noise = np.array([noise_of(found.value[found.value > 0]), noise_of(np.abs(apart.value[there]))])
-        # The prior holds what the silhouettes cannot tell so weakly that single precision would lose it.
-        with jax.enable_x64(True):
-            step = jax.tree.map(np.asarray, camera_step(found, apart, unknowns, units, noise))
-        change, unknowns, spread = np.abs(step.unknowns - unknowns).max(), step.unknowns, step.spread
-        rig = _moved(given, unknowns * units)
+        apart, tangents = outlines.apart_in(rig, gate)
+        noise = np.array([noise_of(found.value[found.value > 0]), noise_of(np.abs(apart.value[tangents.there]))])
+        step = _step(found, apart, tangents, total, sd, noise)
+        reached = np.asarray(step.unknowns) * sd
+        change, total = np.abs((reached - total) / given_sd).max(), reached
+        sd = _narrowed(step, sd, given_sd)
+        rig, gate = _moved(given, total), _GATE * noise[1]
         found = outlines.seen_by(rig)
         if change < _CHANGE:
             converged = True
             break
-    total = unknowns * units
+    # By the prior as given: by a narrow one nothing would be told of a rig that is right.
+    spread = np.asarray(_step(found, apart, tangents, total, given_sd, noise).spread)
     return RefinedCameras(
         cameras=_moved(recording.cameras, total),
         rotation=total[:, :3],
@@ -121,11 +130,33 @@ def refine_cameras(
     )
 
 
+def _step(
+    found: Sensitivity,
+    apart: Sensitivity,
+    tangents: EpipolarTangents,
+    total: Float[np.ndarray, "cams 6"],
+    sd: Float[np.ndarray, "6"],
+    noise: Float[np.ndarray, "2"],
+) -> CameraStep:
+    # The prior holds what the silhouettes cannot tell so weakly that single precision would lose it.
+    with jax.enable_x64(True):
+        return jax.tree.map(np.asarray, camera_step(found, apart, tangents.alike, total / sd, sd, noise))
+
+
+def _narrowed(step: CameraStep, sd: Float[np.ndarray, "6"], given: Float[np.ndarray, "6"]) -> Float[np.ndarray, "6"]:
+    """Standard deviations of a prior that the changes so far could be drawn from (a step of EM; rad and m).
+
+    What silhouettes hardly tell is left to the prior. One that is too wide lets noise turn cameras.
+    """
+    square = np.asarray(step.unknowns**2 + step.spread**2).reshape(-1, 2, 3).mean((0, 2))
+    return np.clip(sd * np.repeat(np.sqrt(square), 3), _NARROWEST * given, given)
+
+
 class _Outlines(eqx.Module):
     """What the rig is refined by."""
 
     lines: SightLines
-    convex: ConvexOutlines
+    chains: OutlineChains
     images: DistanceImages
     middles: Float[np.ndarray, "frames 3"]
 
@@ -137,11 +168,11 @@ class _Outlines(eqx.Module):
         with jax.enable_x64(True):
             return jax.tree.map(np.asarray, sensitivity(rig, self.lines, self.images, _double(contacts)))
 
-    def apart_in(self, rig: Cameras) -> tuple[Sensitivity, Bool[np.ndarray, " pairs"]]:
+    def apart_in(self, rig: Cameras, gate: float) -> tuple[Sensitivity, EpipolarTangents]:
         """How far apart the planes that touch two silhouettes are, and which of them there are; in double precision."""
-        tangents = epipolar_tangents(rig, self.convex, self.middles)
+        tangents = epipolar_tangents(rig, self.chains, self.middles, gate)
         with jax.enable_x64(True):
-            return jax.tree.map(np.asarray, tangent_sensitivity(rig, tangents)), tangents.there
+            return jax.tree.map(np.asarray, tangent_sensitivity(rig, tangents)), tangents
 
     def missed(self, found: Sensitivity) -> Float[np.ndarray, " cams"]:
         """Means of the positive residuals over the rays of each camera (px)."""
@@ -160,8 +191,8 @@ def _outlines(
     focal = float(np.asarray(cameras.K)[:, 0, 0].max())
     images = distance_images(silhouettes, cameras, lost, int(np.ceil(_SIGMAS * rotation_sd * focal)))
     lines = sight_lines(silhouettes, cameras, lost, images, _RAYS)
-    convex = convex_outlines(silhouettes, cameras, lost, images)
-    return _Outlines(lines, convex, jax.device_put(images), body_middles(cameras, silhouettes, lost))
+    chains = outline_chains(silhouettes, cameras, lost, images)
+    return _Outlines(lines, chains, jax.device_put(images), body_middles(cameras, silhouettes, lost))
 
 
 def _frames(

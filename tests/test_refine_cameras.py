@@ -5,6 +5,7 @@ from pathlib import Path
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from drawn import chain, film, looking_at, ring
@@ -20,11 +21,13 @@ from jaxskel import (
     refine_cameras,
     unpack_silhouettes,
 )
+from jaxskel._camera_step import CameraStep
 from jaxskel._coherence import NOTHING, coherence, sensitivity
 from jaxskel._contacts import Contacts, find_contacts
 from jaxskel._contours import outline
 from jaxskel._distance_images import DistanceImages, distance_images, onto_outlines
 from jaxskel._extrinsics import ExtrinsicChange, changed, no_change
+from jaxskel._refine_cameras import _narrowed
 from jaxskel._sight_lines import SightLines, sight_lines
 from jaxskel._stacks import single_precision
 
@@ -238,6 +241,21 @@ def test_where_a_rig_ends_is_no_matter_of_where_it_began(filmed, come_back):
     # A true rig stays but for what the pixels of small images leave open: half a pixel is 0.15 degrees.
     assert np.degrees(apart.angles).max() < 0.15
     assert apart.distances.max() < 0.015
+
+
+def test_the_prior_is_narrowed_to_what_changes_could_be_drawn_from():
+    given, cams = np.repeat([0.02, 0.03], 3), 4000
+    drawn = np.random.default_rng(0).normal(size=(cams, 6)) * np.repeat([0.5, 0.2], 3)
+    # Known exactly, known not at all, and both.
+    for unknowns, spread, expected in (
+        (drawn, 0.0, [0.5, 0.2]),
+        (0 * drawn, 1.0, [1.0, 1.0]),
+        (drawn, 0.5, [np.sqrt(0.5), np.sqrt(0.29)]),
+        (0.1 * drawn, 0.0, [0.1, 0.1]),  # no narrower than that
+        (4 * drawn, 0.0, [1.0, 0.8]),  # no wider than as given
+    ):
+        step = CameraStep(jnp.asarray(unknowns), jnp.full((cams, 6), spread))
+        np.testing.assert_allclose(_narrowed(step, given, given), given * np.repeat(expected, 3), rtol=0.03)
 
 
 def test_a_narrow_prior_keeps_the_cameras_where_they_are(filmed):

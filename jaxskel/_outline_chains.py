@@ -1,0 +1,95 @@
+"""Outlines of silhouettes point after point, so that one can tell where they turn."""
+
+import cv2
+import equinox as eqx
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
+
+from ._camera import Cameras, rays
+from ._distance_images import DistanceImages, onto_outlines
+from ._views import unpacked_box
+
+# Neighbours on either side that tell whether an outline turns (points, which are a pixel or a little more apart). Fewer
+# would find turns that are the pixels' own, more would miss fists and feet.
+_NEIGHBOURS = 6
+# Numbers of points are filled up to a multiple of this, so that few of them are compiled for.
+_FILLED = 1 << 16
+
+
+class OutlineChains(eqx.Module):
+    """Viewing rays through the outlines of the largest part of each silhouette, holes in it included."""
+
+    directions: Float[np.ndarray, "points 3"]
+    """Unit vectors in the frame of reference of the camera: of all views of the first frame, then of the second."""
+    neighbours: Int[np.ndarray, "points near"]
+    """The points before and behind each on its outline, which is closed."""
+    convex: Bool[np.ndarray, " points"]
+    """The person is inside of the turn of the outline, as at the tip of a foot, not outside, as in an armpit."""
+    first: Int[np.ndarray, "frames cams"]
+    """The first point of each view."""
+    count: Int[np.ndarray, "frames cams"]
+    """Number of its points: none where it does not show all of the person."""
+
+
+def outline_chains(
+    silhouettes: UInt8[np.ndarray, "frames cams h w8"],
+    cameras: Cameras,
+    lost: Bool[np.ndarray, "frames cams"],
+    images: DistanceImages,
+) -> OutlineChains:
+    """Follow the outlines of some frames.
+
+    Args:
+        silhouettes: Packed bits.
+        cameras: The rig; extrinsics are not used.
+        lost: Views that are left out. Those where the edge of the image cuts the person off are left out, too.
+        images: Of the same silhouettes: they tell where between the pixels the outline is.
+    """
+    chains: list[Float[np.ndarray, "n 2"]] = []
+    views: list[int] = []
+    for frame, view in zip(*np.nonzero(~lost), strict=True):
+        width, height = cameras.size[view].tolist()
+        found = _chains(silhouettes[frame, view, :height], width)
+        chains += found
+        views += [int(frame * len(cameras) + view)] * len(found)
+    lengths = np.array([len(chain) for chain in chains], int)
+    image = np.repeat(np.array(views, np.int32), lengths)
+    uv = np.concatenate([np.zeros((0, 2)), *chains]).astype(np.float32)
+    filled = -len(uv) % _FILLED
+    on_outline = onto_outlines(images, np.pad(image, (0, filled)), np.pad(uv, ((0, filled), (0, 0))))
+    on_outline = np.asarray(on_outline, np.float64)[: len(uv)]
+
+    directions = np.zeros((len(uv), 3))
+    for view in range(len(cameras)):
+        own = image % len(cameras) == view
+        directions[own] = rays(cameras, view, on_outline[own]) @ np.asarray(cameras.R[view]).T
+    # Where a lens shows nothing one-to-one, an outline is followed past the gap.
+    seen = np.isfinite(directions).all(1)
+    owner = np.repeat(np.arange(len(chains)), lengths)[seen]
+    directions, on_outline, image = directions[seen], on_outline[seen], image[seen]
+    lengths = np.bincount(owner, minlength=len(chains))
+
+    start = (np.cumsum(lengths) - lengths)[owner, None]
+    away = np.concatenate([np.arange(-_NEIGHBOURS, 0), np.arange(1, _NEIGHBOURS + 1)])
+    neighbours = start + (np.arange(len(owner))[:, None] - start + away) % lengths[owner, None]
+    before, behind = on_outline - on_outline[neighbours[:, 0]], on_outline[neighbours[:, -1]] - on_outline
+    # OpenCV follows an outer outline with the person on its left as one sees the image, that of a hole likewise.
+    convex = before[:, 0] * behind[:, 1] - before[:, 1] * behind[:, 0] < 0
+    count = np.bincount(image, minlength=lost.size).reshape(lost.shape)
+    first = (np.cumsum(count) - count.ravel()).reshape(lost.shape)
+    return OutlineChains(directions, neighbours, convex, first, count)
+
+
+def _chains(packed: UInt8[np.ndarray, "h w8"], width: int) -> list[Float[np.ndarray, "n 2"]]:
+    """Outlines of the largest connected part of a silhouette (px); none if an edge of the image cuts it off."""
+    mask = unpacked_box(packed, 0, len(packed), 0, width)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=8)
+    if len(stats) < 2:
+        return []
+    largest = 1 + stats[1:, cv2.CC_STAT_AREA].argmax()
+    left, top, across, down, _ = stats[largest]
+    if left == 0 or top == 0 or left + across == width or top + down == len(packed):
+        return []
+    found, _ = cv2.findContours((labels == largest).view(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    # A hole that is hardly longer than the neighbours of a point has no turns but the pixels' own.
+    return [chain[:, 0].astype(float) for chain in found if len(chain) > 2 * _NEIGHBOURS]
