@@ -11,13 +11,15 @@ from ._kept import kept
 from ._levenberg_marquardt import LevenbergMarquardt
 
 # Noise (px, standard deviation) that even the outlines of clean masks have, from their pixels.
-_LEAST_NOISE = 0.25
+LEAST_NOISE = 0.25
+# That of planes that touch them is less: only where outlines turn back does one find them.
+LEAST_NOISE_OF_PLANES = 0.15
 # Of normal noise: what the median of its absolute values must be multiplied by.
 _FROM_MEDIAN = 1.48
 # Residuals of this many standard deviations begin to count less: there the mask is wrong, not the camera.
 _TAIL = 3.0
 # Errors of masks are alike for neighbouring rays: so many count as one measurement.
-_ALIKE = 3.0
+_ALIKE = 1.5
 _SOLVER = LevenbergMarquardt(rtol=1e-3, atol=1e-3)
 _MAX_STEPS = 30
 
@@ -31,9 +33,9 @@ class CameraStep(eqx.Module):
     """Their standard deviations by the outlines and the prior together: 1 where outlines say nothing."""
 
 
-def noise_of(residuals: Float[Array | np.ndarray, " rays"]) -> float:
-    """Standard deviation of outlines (px) that residuals show, most of which are noise at the end."""
-    return max(_LEAST_NOISE, _FROM_MEDIAN * float(np.median(residuals))) if np.size(residuals) else _LEAST_NOISE
+def noise_of(residuals: Float[Array | np.ndarray, " rays"], least: float) -> float:
+    """Standard deviation of outlines (px) that residuals show, most of which are noise at the end; `least` or more."""
+    return max(least, _FROM_MEDIAN * float(np.median(residuals))) if np.size(residuals) else least
 
 
 @kept
@@ -69,8 +71,7 @@ def camera_step(
         return rows, (found.value - margin) * weight - rows @ start
 
     noise = jnp.asarray(noise)
-    shared = jnp.maximum(jnp.asarray(alike), _ALIKE)
-    given = weighted(rays, noise[0], _ALIKE, _LEAST_NOISE), weighted(tangents, noise[1], shared, 0.0)
+    given = weighted(rays, noise[0], _ALIKE, LEAST_NOISE), weighted(tangents, noise[1], jnp.asarray(alike), 0.0)
 
     def residuals(unknowns: Float[Array, " unknowns"], given: tuple[tuple[Array, Array], ...]) -> tuple[Array, ...]:
         missed, apart = (rows @ unknowns + values for rows, values in given)

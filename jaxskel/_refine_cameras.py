@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
 from ._camera import Cameras
-from ._camera_step import CameraStep, camera_step, noise_of
+from ._camera_step import LEAST_NOISE, LEAST_NOISE_OF_PLANES, CameraStep, camera_step, noise_of
 from ._coherence import NOTHING, Sensitivity, sensitivity
 from ._contacts import Contacts, find_contacts
 from ._distance_images import DistanceImages, distance_images
@@ -106,7 +106,8 @@ def refine_cameras(
     before = outlines.missed(found)
     for _ in range(_ROUNDS):
         apart, tangents = outlines.apart_in(rig, gate)
-        noise = np.array([noise_of(found.value[found.value > 0]), noise_of(np.abs(apart.value[tangents.there]))])
+        missing, between = found.value[found.value > 0], np.abs(apart.value[tangents.there])
+        noise = np.array([noise_of(missing, LEAST_NOISE), noise_of(between, LEAST_NOISE_OF_PLANES)])
         step = _step(found, apart, tangents, total, sd, noise)
         reached = np.asarray(step.unknowns) * sd
         change, total = np.abs((reached - total) / given_sd).max(), reached
