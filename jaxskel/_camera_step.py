@@ -20,6 +20,8 @@ _FROM_MEDIAN = 1.48
 _TAIL = 3.0
 # Errors of masks are alike for neighbouring rays, which are five pixels apart: so many count as one measurement.
 _ALIKE = 1.5
+# So do planes that touch outlines, beyond those at one place: at least so many count as one.
+_PLANES_ALIKE = 3.0
 _SOLVER = LevenbergMarquardt(rtol=1e-3, atol=1e-3)
 _MAX_STEPS = 30
 
@@ -71,7 +73,8 @@ def camera_step(
         return rows, (found.value - margin) * weight - rows @ start
 
     noise = jnp.asarray(noise)
-    given = weighted(rays, noise[0], _ALIKE, LEAST_NOISE), weighted(tangents, noise[1], jnp.asarray(alike), 0.0)
+    shared = jnp.maximum(jnp.asarray(alike), _PLANES_ALIKE)
+    given = weighted(rays, noise[0], _ALIKE, LEAST_NOISE), weighted(tangents, noise[1], shared, 0.0)
 
     def residuals(unknowns: Float[Array, " unknowns"], given: tuple[tuple[Array, Array], ...]) -> tuple[Array, ...]:
         missed, apart = (rows @ unknowns + values for rows, values in given)
