@@ -53,16 +53,9 @@ def sensitivity(cameras: Cameras, lines: SightLines, images: DistanceImages, con
     """What `coherence` is without a change, and how it begins to change."""
     rays = _flat(cameras, lines, images, contacts)
     each = jnp.zeros((*rays.cameras.shape, 6))
-    value = _values(each, cameras, images, rays)
-    # Three cameras have a say on each ray: eighteen tangents for all rays at once, however many cameras there are.
-    units = jnp.eye(18).reshape(18, 1, 3, 6)
-    slopes = jax.vmap(
-        lambda unit: jax.jvp(
-            lambda e: _values(e, cameras, images, rays), (each,), (jnp.broadcast_to(unit, each.shape),)
-        )[1],
-        out_axes=-1,
-    )(units)
-    slopes = slopes.reshape(*each.shape)
+    value, back = jax.vjp(lambda e: _values(e, cameras, images, rays), each)
+    # Each ray has a change of its own three cameras, so that one pull back gives the slopes of all.
+    (slopes,) = back(jnp.ones_like(value))
     every = jnp.arange(len(value), dtype=jnp.int32)[:, None]
     own = jnp.zeros((len(value), len(cameras), 6)).at[every, rays.cameras].add(slopes)
     return Sensitivity(value, own)

@@ -1,7 +1,6 @@
 """Squared distances between capsules and whatever they should touch, summed up to one quadric for each capsule."""
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
