@@ -260,7 +260,15 @@ def rays(
     The points are those of one camera, or each is of the camera that `index` says. NaN where no direction is seen at
     that point, because it lies beyond the one-to-one range of the distortion.
     """
-    K, R, dist = (np.asarray(a)[index] for a in (cameras.K, cameras.R, cameras.dist))
+    R, directions = np.asarray(cameras.R)[index], rays_in_camera(cameras, index, uv)
+    return directions @ R if R.ndim == 2 else np.einsum("ni,nij->nj", directions, R)
+
+
+def rays_in_camera(
+    cameras: Cameras, index: int | np.integer | Int[np.ndarray, " n"], uv: Float[np.ndarray, "n 2"]
+) -> Float[np.ndarray, "n 3"]:
+    """The same in the frame of reference of the camera: extrinsics are not used."""
+    K, dist = (np.asarray(a)[index] for a in (cameras.K, cameras.dist))
     yd = (uv[:, 1] - K[..., 1, 2]) / K[..., 1, 1]
     xd = (uv[:, 0] - K[..., 0, 2] - K[..., 0, 1] * yd) / K[..., 0, 0]
     x, y = xd, yd
@@ -276,9 +284,7 @@ def rays(
         fx, fy = _at(dist, x, y)
         lost = ~(np.hypot(fx - xd, fy - yd) < 1e-7) | ~(np.hypot(x, y) < cameras.max_radius[index])
         x, y = np.where(lost, np.nan, x), np.where(lost, np.nan, y)
-    directions = np.stack([x, y, np.ones_like(x)], -1)
-    directions /= np.sqrt(x * x + y * y + 1)[:, None]
-    return directions @ R if R.ndim == 2 else np.einsum("ni,nij->nj", directions, R)
+    return np.stack([x, y, np.ones_like(x)], -1) / np.sqrt(x * x + y * y + 1)[:, None]
 
 
 def _at(dist: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -5,7 +5,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
-from ._camera import Cameras, rays
+from ._camera import Cameras, rays_in_camera
 from ._distance_images import DistanceImages, onto_outlines
 from ._views import unpacked_box
 
@@ -62,7 +62,7 @@ def outline_chains(
     directions = np.zeros((len(uv), 3))
     for view in range(len(cameras)):
         own = image % len(cameras) == view
-        directions[own] = rays(cameras, view, on_outline[own]) @ np.asarray(cameras.R[view]).T
+        directions[own] = rays_in_camera(cameras, view, on_outline[own])
     # Where a lens shows nothing one-to-one, an outline is followed past the gap.
     seen = np.isfinite(directions).all(1)
     owner = np.repeat(np.arange(len(chains)), lengths)[seen]

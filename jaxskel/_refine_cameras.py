@@ -125,6 +125,8 @@ def refine_cameras(
         found = looked_at.seen_by(rig)
         if converged:
             break
+    apart, tangents = outlines.apart_in(rig, gate)
+    alike = looked_at.alike, tangents.alike
     # By the prior as given: by a narrow one nothing would be told of a rig that is right.
     spread = np.asarray(_step(found, apart, alike, total, given_sd, noise).spread)
     return RefinedCameras(

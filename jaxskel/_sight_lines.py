@@ -4,7 +4,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt8
 
-from ._camera import Cameras, rays
+from ._camera import Cameras, rays_in_camera
 from ._contours import outline
 from ._distance_images import DistanceImages, onto_outlines
 
@@ -55,7 +55,7 @@ def sight_lines(
     there &= np.abs(moved - points).max(-1) < _NEAR * int(images.step)
     directions = np.zeros((frames, views, count, 3))
     for view in range(views):
-        seen = rays(cameras, view, moved[:, view].reshape(-1, 2)) @ np.asarray(cameras.R[view]).T
+        seen = rays_in_camera(cameras, view, moved[:, view].reshape(-1, 2))
         directions[:, view] = seen.reshape(frames, count, 3)
     there &= np.isfinite(directions).all(-1)
     # Whatever is not there looks along the axis: a number, so that no gradient is NaN.
