@@ -16,9 +16,10 @@ LEAST_NOISE = 0.25
 LEAST_NOISE_OF_PLANES = 0.15
 # Of normal noise: what the median of its absolute values must be multiplied by.
 _FROM_MEDIAN = 1.48
-# Residuals of this many standard deviations begin to count less: there the mask is wrong, not the camera; or, sooner,
-# two planes are not one.
-_TAIL, _TAIL_OF_PLANES = 4.0, 1.5
+# Residuals of this many standard deviations begin to count less: there the mask is wrong, not the camera.
+_TAIL = 3.0
+# Errors of masks are alike for neighbouring rays, which are five pixels apart: so many count as one measurement.
+_ALIKE = 1.5
 # So do planes that touch outlines, beyond those at one place: at least so many count as one.
 _PLANES_ALIKE = 3.0
 _SOLVER = LevenbergMarquardt(rtol=1e-3, atol=1e-3)
@@ -43,7 +44,7 @@ def noise_of(residuals: Float[Array | np.ndarray, " rays"], least: float) -> flo
 def camera_step(
     rays: Sensitivity,
     tangents: Sensitivity,
-    alike: tuple[Float[Array | np.ndarray, ""], Float[Array | np.ndarray, " tangents"]],
+    alike: Float[Array | np.ndarray, " tangents"],
     now: Float[Array | np.ndarray, "cams 6"],
     units: Float[Array | np.ndarray, "6"],
     noise: Float[Array | np.ndarray, "2"],
@@ -56,7 +57,7 @@ def camera_step(
     Args:
         rays: Residuals r of the rig as it is now, evidence where they are positive.
         tangents: Residuals q that are evidence in either direction.
-        alike: So many rays err together, and so many of the tangents for each of them.
+        alike: So many of these err together.
         now: The rig's unknowns.
         units: The prior's standard deviations of the unknowns of a camera (rad and m).
         noise: Of the rays and of the tangents, see `noise_of`.
@@ -64,19 +65,16 @@ def camera_step(
     start = jnp.asarray(now).reshape(-1)
 
     def weighted(
-        found: Sensitivity, noise: Float[Array, ""], alike: Array, margin: float, tail: float
+        found: Sensitivity, noise: Float[Array, ""], alike: Array | float, margin: float
     ) -> tuple[Array, Array]:
         # Geman and McClure's weights.
-        weight = 1 / (1 + (found.value / (tail * noise)) ** 2) / (noise * jnp.sqrt(alike))
+        weight = 1 / (1 + (found.value / (_TAIL * noise)) ** 2) / (noise * jnp.sqrt(alike))
         rows = (found.slopes * units[None, None]).reshape(len(found.value), -1) * weight[:, None]
         return rows, (found.value - margin) * weight - rows @ start
 
     noise = jnp.asarray(noise)
-    shared = jnp.maximum(jnp.asarray(alike[1]), _PLANES_ALIKE)
-    given = (
-        weighted(rays, noise[0], jnp.asarray(alike[0]), LEAST_NOISE, _TAIL),
-        weighted(tangents, noise[1], shared, 0.0, _TAIL_OF_PLANES),
-    )
+    shared = jnp.maximum(jnp.asarray(alike), _PLANES_ALIKE)
+    given = weighted(rays, noise[0], _ALIKE, LEAST_NOISE), weighted(tangents, noise[1], shared, 0.0)
 
     def residuals(unknowns: Float[Array, " unknowns"], given: tuple[tuple[Array, Array], ...]) -> tuple[Array, ...]:
         missed, apart = (rows @ unknowns + values for rows, values in given)

@@ -24,11 +24,7 @@ from ._views import MIN_VIEWS, lost_views, silhouette_areas
 
 FRAMES = 60
 """Frames that are used by default: the errors of their masks are independent, those of more rays of a frame are not."""
-_RAYS = 600  # of a view: two or three pixels apart along the outline of a person who is 400 px tall
-# Errors of masks are alike for neighbouring rays: so many count as one measurement.
-_ALIKE = 2
-# One ray of so many shows the way until no unknown changes by more than this part of its prior's standard deviation.
-_THINNED, _NEARLY = 2, 0.15
+_RAYS = 300  # of a view: every fifth point of the outline of a person who is 400 px tall
 _ROUNDS = 20
 # Planes that are not outermost are taken for one if they miss each other by no more than so many standard deviations of
 # the noise of the round before.
@@ -106,35 +102,30 @@ def refine_cameras(
     outlines = _outlines(np.asarray(recording.silhouettes[chosen]), given, lost, rotation_sd)
     given_sd = np.repeat((rotation_sd, shift_sd), 3)
     total, sd, gate, converged = np.zeros((len(given), 6)), given_sd, 0.0, False
-    rig, looked_at = given, outlines.thinned(_THINNED)
-    found = looked_at.seen_by(given)
-    before = looked_at.missed(found)
+    rig, found = given, outlines.seen_by(given)
+    before = outlines.missed(found)
     for _ in range(_ROUNDS):
         apart, tangents = outlines.apart_in(rig, gate)
-        alike = looked_at.alike, tangents.alike
         missing, between = found.value[found.value > 0], np.abs(apart.value[tangents.there])
         noise = np.array([noise_of(missing, LEAST_NOISE), noise_of(between, LEAST_NOISE_OF_PLANES)])
-        step = _step(found, apart, alike, total, sd, noise)
+        step = _step(found, apart, tangents, total, sd, noise)
         reached = np.asarray(step.unknowns) * sd
         change, total = np.abs((reached - total) / given_sd).max(), reached
         sd = _narrowed(step, sd, given_sd)
         rig, gate = _moved(given, total), _GATE * noise[1]
-        converged = bool(change < _CHANGE) and looked_at is outlines
-        if change < _NEARLY:
-            looked_at = outlines
-        found = looked_at.seen_by(rig)
-        if converged:
+        found = outlines.seen_by(rig)
+        if change < _CHANGE:
+            converged = True
             break
     apart, tangents = outlines.apart_in(rig, gate)
-    alike = looked_at.alike, tangents.alike
     # By the prior as given: by a narrow one nothing would be told of a rig that is right.
-    spread = np.asarray(_step(found, apart, alike, total, given_sd, noise).spread)
+    spread = np.asarray(_step(found, apart, tangents, total, given_sd, noise).spread)
     return RefinedCameras(
         cameras=_moved(recording.cameras, total),
         rotation=total[:, :3],
         shift=total[:, 3:],
         before=before,
-        after=looked_at.missed(found),
+        after=outlines.missed(found),
         hardly_seen=np.sqrt((spread[:, :3] ** 2).mean(1)) > _HARDLY,
         converged=converged,
         frames=chosen,
@@ -144,14 +135,14 @@ def refine_cameras(
 def _step(
     found: Sensitivity,
     apart: Sensitivity,
-    alike: tuple[Float[np.ndarray, ""], Float[np.ndarray, " tangents"]],
+    tangents: EpipolarTangents,
     total: Float[np.ndarray, "cams 6"],
     sd: Float[np.ndarray, "6"],
     noise: Float[np.ndarray, "2"],
 ) -> CameraStep:
     # The prior holds what the silhouettes cannot tell so weakly that single precision would lose it.
     with jax.enable_x64(True):
-        return jax.tree.map(np.asarray, camera_step(found, apart, alike, total / sd, sd, noise))
+        return jax.tree.map(np.asarray, camera_step(found, apart, tangents.alike, total / sd, sd, noise))
 
 
 def _narrowed(step: CameraStep, sd: Float[np.ndarray, "6"], given: Float[np.ndarray, "6"]) -> Float[np.ndarray, "6"]:
@@ -167,16 +158,9 @@ class _Outlines(eqx.Module):
     """What the rig is refined by."""
 
     lines: SightLines
-    alike: Float[np.ndarray, ""]
-    """So many of these err together."""
     chains: OutlineChains
     images: DistanceImages
     middles: Float[np.ndarray, "frames 3"]
-
-    def thinned(self, factor: int) -> "_Outlines":
-        """With one ray of so many."""
-        alike = np.asarray(np.maximum(self.alike / factor, 1.0))
-        return eqx.tree_at(lambda o: (o.lines, o.alike), self, (self.lines.thinned(factor), alike))
 
     def seen_by(self, rig: Cameras) -> Sensitivity:
         """Residuals of a rig, the contacts looked up anew; in double precision."""
@@ -210,9 +194,7 @@ def _outlines(
     images = distance_images(silhouettes, cameras, lost, int(np.ceil(_SIGMAS * rotation_sd * focal)))
     lines = sight_lines(silhouettes, cameras, lost, images, _RAYS)
     chains = outline_chains(silhouettes, cameras, lost, images)
-    return _Outlines(
-        lines, np.array(float(_ALIKE)), chains, jax.device_put(images), body_middles(cameras, silhouettes, lost)
-    )
+    return _Outlines(lines, chains, jax.device_put(images), body_middles(cameras, silhouettes, lost))
 
 
 def _frames(

@@ -21,10 +21,6 @@ class SightLines(eqx.Module):
     there: Bool[Array | np.ndarray, "*frames rays"]
     """False for rays that are there to fill up: each view has the same number, whatever the length of its outline."""
 
-    def thinned(self, factor: int) -> "SightLines":
-        """One ray of so many."""
-        return SightLines(self.directions[..., ::factor, :], self.camera[..., ::factor], self.there[..., ::factor])
-
 
 def sight_lines(
     silhouettes: UInt8[np.ndarray, "frames cams h w8"],
