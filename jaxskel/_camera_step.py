@@ -20,7 +20,7 @@ _FROM_MEDIAN = 1.48
 _TAIL = 3.0
 # Errors of masks are alike for neighbouring rays, which are five pixels apart: so many count as one measurement.
 _ALIKE = 1.5
-# So do planes that touch outlines, beyond those at one place: at least so many count as one.
+# Errors of planes are alike, too, even where no others touch the same place: at least so many count as one.
 _PLANES_ALIKE = 3.0
 _SOLVER = LevenbergMarquardt(rtol=1e-3, atol=1e-3)
 _MAX_STEPS = 30

@@ -6,21 +6,13 @@ import pytest
 from drawn import film, looking_at
 from wrong_rigs import FOCAL, SIZE, VIEWS, filmed_with_lenses, looked_up, missed, moved, perturbed, residuals
 
-from jaxskel import (
-    Recording,
-    make_cameras,
-    pack_silhouettes,
-)
+from jaxskel import Recording, make_cameras, pack_silhouettes
 from jaxskel._coherence import sensitivity
 from jaxskel._contours import outline
 from jaxskel._distance_images import distance_images, onto_outlines
 from jaxskel._extrinsics import ExtrinsicChange, changed
 
-
-@pytest.fixture(scope="module")
-def filmed() -> Recording:
-    """Thirteen frames in four views with distortion."""
-    return filmed_with_lenses()
+filmed = pytest.fixture(scope="module")(filmed_with_lenses)
 
 
 def test_true_cameras_miss_by_less_than_a_pixel_and_wrong_ones_by_more(filmed):

@@ -10,14 +10,7 @@ import numpy as np
 import pytest
 from drawn import ring
 from scipy.spatial.transform import Rotation
-from wrong_rigs import (
-    SIZE,
-    VIEWS,
-    filmed_with_lenses,
-    missed,
-    moved,
-    perturbed,
-)
+from wrong_rigs import SIZE, VIEWS, filmed_with_lenses, missed, moved, perturbed
 
 from jaxskel import (
     Recording,
@@ -39,10 +32,7 @@ BALANCING = SHARED / "real" / "pose2sim_balancing"
 USED = [0, 1, 2, *range(4, 13)]
 
 
-@pytest.fixture(scope="module")
-def filmed() -> Recording:
-    """Thirteen frames in four views with distortion."""
-    return filmed_with_lenses()
+filmed = pytest.fixture(scope="module")(filmed_with_lenses)
 
 
 @pytest.fixture(scope="module")

@@ -139,11 +139,11 @@ def _factored(
     Column by column for all capsules at once: LAPACK, called for each by itself, takes as long as half the search for
     the nearest capsules.
     """
-    left, columns = jnp.concatenate([matrix, vector[:, None]], 1), []
+    rest, columns = jnp.concatenate([matrix, vector[:, None]], 1), []
     for size in range(6, 0, -1):
-        column = left[:, :, 0] / jnp.sqrt(left[:, :1, 0])
+        column = rest[:, :, 0] / jnp.sqrt(rest[:, :1, 0])
         columns.append(jnp.pad(column, ((0, 0), (6 - size, 0))))
-        left = left[:, 1:, 1:] - column[:, 1:, None] * column[:, None, 1:size]
+        rest = rest[:, 1:, 1:] - column[:, 1:, None] * column[:, None, 1:size]
     factors = jnp.stack(columns, -1)
     return factors[:, :6], factors[:, 6]
 
