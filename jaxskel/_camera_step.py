@@ -12,15 +12,13 @@ from ._levenberg_marquardt import LevenbergMarquardt
 
 # Noise (px, standard deviation) that even the outlines of clean masks have, from their pixels.
 LEAST_NOISE = 0.25
-# Likewise of planes that touch them: at the true rig of a clean film they miss each other by 0.16 to 0.18.
-LEAST_NOISE_OF_PLANES = 0.15
+# Likewise of planes that touch smooth ones: at the true rig of a clean film they miss each other by 0.11 to 0.12.
+LEAST_NOISE_OF_PLANES = 0.1
 # Of normal noise: what the median of its absolute values must be multiplied by.
 _FROM_MEDIAN = 1.48
 # Residuals of this many standard deviations begin to count less: there the mask is wrong, not the camera.
 _TAIL = 3.0
-# Errors of masks are alike for neighbouring rays, which are five pixels apart: so many count as one measurement.
-_ALIKE = 1.5
-# Errors of planes are alike, too, even where no others touch the same place: at least so many count as one.
+# Errors of planes are alike even where no others touch the same place: at least so many count as one.
 _PLANES_ALIKE = 3.0
 _SOLVER = LevenbergMarquardt(rtol=1e-3, atol=1e-3)
 _MAX_STEPS = 30
@@ -64,9 +62,7 @@ def camera_step(
     """
     start = jnp.asarray(now).reshape(-1)
 
-    def weighted(
-        found: Sensitivity, noise: Float[Array, ""], alike: Array | float, margin: float
-    ) -> tuple[Array, Array]:
+    def weighted(found: Sensitivity, noise: Array, alike: Array | float, margin: float) -> tuple[Array, Array]:
         # Geman and McClure's weights.
         weight = 1 / (1 + (found.value / (_TAIL * noise)) ** 2) / (noise * jnp.sqrt(alike))
         rows = (found.slopes * units[None, None]).reshape(len(found.value), -1) * weight[:, None]
@@ -74,7 +70,8 @@ def camera_step(
 
     noise = jnp.asarray(noise)
     shared = jnp.maximum(jnp.asarray(alike), _PLANES_ALIKE)
-    given = weighted(rays, noise[0], _ALIKE, LEAST_NOISE), weighted(tangents, noise[1], shared, 0.0)
+    # Rays of a view are five pixels apart: each errs by itself.
+    given = weighted(rays, noise[0], 1.0, LEAST_NOISE), weighted(tangents, noise[1], shared, 0.0)
 
     def residuals(unknowns: Float[Array, " unknowns"], given: tuple[tuple[Array, Array], ...]) -> tuple[Array, ...]:
         missed, apart = (rows @ unknowns + values for rows, values in given)

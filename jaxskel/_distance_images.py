@@ -50,6 +50,11 @@ class DistanceImages(eqx.Module):
         return jnp.where(seen, distance, 0.0), seen
 
 
+def cell_size(silhouettes: UInt8[np.ndarray, "*stack h w8"]) -> int:
+    """Distance of neighbouring values of their distance images (px)."""
+    return -(-max(silhouettes.shape[-2], 8 * silhouettes.shape[-1]) // _MOST_CELLS)
+
+
 def distance_images(
     silhouettes: UInt8[np.ndarray, "frames cams h w8"],
     cameras: Cameras,
@@ -65,7 +70,7 @@ def distance_images(
         farthest: Distances are exact up to this, and never larger (px).
     """
     frames, views, height, width = *silhouettes.shape[:3], 8 * silhouettes.shape[3]
-    step = -(-max(height, width) // _MOST_CELLS)
+    step = cell_size(silhouettes)
     values = np.zeros((frames, views, -(-height // step), -(-width // step)), np.float32)
     for frame, view in zip(*np.nonzero(~lost), strict=True):
         right, low = cameras.size[view].tolist()

@@ -42,6 +42,8 @@ class EpipolarTangents(eqx.Module):
     cameras: Int[np.ndarray, "tangents 2"]
     directions: Float[np.ndarray, "tangents 2 3"]
     """Of the rays, in the frames of reference of their cameras."""
+    error: Float[np.ndarray, "tangents 2"]
+    """How much they err, relative to those through smooth outlines (standard deviations)."""
     alike: Float[np.ndarray, " tangents"]
     """So many err together, as their rays go through the same places of the outlines, on average of both."""
     there: Bool[np.ndarray, " tangents"]
@@ -58,7 +60,7 @@ class _Planes(NamedTuple):
     angle: Float[np.ndarray, "*views 2 planes"]
     """To the plane through the middle of the person, about the line from one centre to the other (rad); or NaN."""
     spread: Float[np.ndarray, "*views 2 planes"]
-    """Of the angle, if the ray errs by a pixel (rad)."""
+    """Of the angle, if rays through smooth outlines err by a pixel (rad)."""
     point: Int[np.ndarray, "*views 2 planes"]
     """Of all outlines."""
     outermost: Bool[np.ndarray, "*views"]
@@ -92,10 +94,10 @@ def epipolar_tangents(
     uses = np.bincount(points[there].ravel(), minlength=len(outlines.directions))
     beside = uses[outlines.neighbours].sum(1) + uses
     if len(beside) == 0:
-        return EpipolarTangents(pairs[which.ravel()], np.zeros((len(there), 2, 3)), np.ones(len(there)), there)
-    return EpipolarTangents(
-        pairs[which.ravel()], outlines.directions[points], np.maximum(beside[points].mean(1), 1.0), there
-    )
+        rays = np.zeros((len(there), 2, 3)), np.ones((len(there), 2))
+        return EpipolarTangents(pairs[which.ravel()], *rays, np.ones(len(there)), there)
+    alike = np.maximum(beside[points].mean(1), 1.0)
+    return EpipolarTangents(pairs[which.ravel()], outlines.directions[points], outlines.error[points], alike, there)
 
 
 def _touching(
@@ -125,7 +127,7 @@ def _touching(
     angles[there], points[there] = angle[other, point], first + point
     K = np.asarray(cameras.K[view], float)
     across = np.linalg.norm(np.cross(baseline[other], rays[point]), axis=-1)
-    spreads[there] = 2 / ((K[0, 0] + K[1, 1]) * np.maximum(across, 1e-10))
+    spreads[there] = 2 * outlines.error[first + point] / ((K[0, 0] + K[1, 1]) * np.maximum(across, 1e-10))
     return _Planes(angles, spreads, points, (count > 0) & (np.abs(angle) < _WIDEST).all(1))
 
 
@@ -146,17 +148,24 @@ def _are_one(one: _Planes, other: _Planes, gate: float) -> Bool[np.ndarray, "pai
 def tangent_sensitivity(cameras: Cameras, tangents: EpipolarTangents) -> Sensitivity:
     """By how much the planes of each pair miss each other (px), 0 where there is none, and how that begins to change.
 
-    The angle between the planes over the standard deviation that it has if each ray errs by one pixel.
+    The angle between the planes over the standard deviation that it has if each ray errs by one pixel, those through
+    outlines that pixels do not resolve by more.
     """
     pair = jnp.asarray(tangents.cameras)
     K = jnp.asarray(cameras.K)
     given = (
         jnp.asarray(cameras.R)[pair], optical_centres(cameras)[pair], ((K[:, 0, 0] + K[:, 1, 1]) / 2)[pair],
-        jnp.asarray(tangents.directions), jnp.asarray(tangents.there),
+        jnp.asarray(tangents.directions), jnp.asarray(tangents.error), jnp.asarray(tangents.there),
     )  # fmt: skip
 
     def one(
-        change: Float[Array, "2 6"], R: Array, centres: Array, focal: Array, directions: Array, there: Array
+        change: Float[Array, "2 6"],
+        R: Array,
+        centres: Array,
+        focal: Array,
+        directions: Array,
+        error: Array,
+        there: Array,
     ) -> Float[Array, ""]:
         rays = jnp.einsum("cji,cj->ci", turned(change[:, :3], R), directions)
         centres = centres + change[:, 3:]
@@ -166,7 +175,7 @@ def tangent_sensitivity(cameras: Cameras, tangents: EpipolarTangents) -> Sensiti
         planes = jnp.where(there, cross(jnp.broadcast_to(baseline, rays.shape), rays), jnp.eye(3)[0])
         angle = jnp.arctan2(baseline @ cross(planes[0], planes[1]), planes[0] @ planes[1])
         # A ray that errs by a pixel turns its plane the more, the nearer it is to the other optical centre.
-        spread = jnp.sqrt((1 / (focal**2 * (planes**2).sum(-1))).sum())
+        spread = jnp.sqrt(((error / focal) ** 2 / (planes**2).sum(-1)).sum())
         return angle / spread
 
     value, slopes = jax.vmap(jax.value_and_grad(one))(jnp.zeros((len(pair), 2, 6)), *given)

@@ -7,6 +7,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 
 from ._camera import Cameras, rays_in_camera
 from ._distance_images import DistanceImages, onto_outlines
+from ._fine_detail import outline_error, without_gaps
 from ._views import unpacked_box
 
 # Neighbours on either side that tell whether an outline turns (points, which are a pixel or a little more apart). Fewer
@@ -25,6 +26,8 @@ class OutlineChains(eqx.Module):
     """The points before and behind each on its outline, which is closed."""
     convex: Bool[np.ndarray, " points"]
     """The person is inside of the turn of the outline, as at the tip of a foot, not outside, as in an armpit."""
+    error: Float[np.ndarray, " points"]
+    """How much each errs, relative to those of smooth outlines (standard deviations)."""
     first: Int[np.ndarray, "frames cams"]
     """The first point of each view."""
     count: Int[np.ndarray, "frames cams"]
@@ -43,18 +46,23 @@ def outline_chains(
         silhouettes: Packed bits.
         cameras: The rig; extrinsics are not used.
         lost: Views that are left out. Those where the edge of the image cuts the person off are left out, too.
-        images: Of the same silhouettes: they tell where between the pixels the outline is.
+        images: Of the same silhouettes, without gaps: they tell where between the pixels the outline is.
     """
-    chains: list[Float[np.ndarray, "n 2"]] = []
+    step = int(images.step)
+    chains: list[Int[np.ndarray, "n 2"]] = []
+    errors: list[Float[np.ndarray, " n"]] = []
     views: list[int] = []
     for frame, view in zip(*np.nonzero(~lost), strict=True):
         width, height = cameras.size[view].tolist()
-        found = _chains(silhouettes[frame, view, :height], width)
+        mask = unpacked_box(silhouettes[frame, view, :height], 0, height, 0, width)
+        found, error = _chains(without_gaps(mask, step)), outline_error(mask, step)
         chains += found
+        errors += [error[chain[:, 1], chain[:, 0]] for chain in found]
         views += [int(frame * len(cameras) + view)] * len(found)
     lengths = np.array([len(chain) for chain in chains], int)
     image = np.repeat(np.array(views, np.int32), lengths)
     uv = np.concatenate([np.zeros((0, 2)), *chains]).astype(np.float32)
+    error = np.concatenate([np.zeros(0), *errors])
     filled = -len(uv) % _FILLED
     on_outline = onto_outlines(images, np.pad(image, (0, filled)), np.pad(uv, ((0, filled), (0, 0))))
     on_outline = np.asarray(on_outline, np.float64)[: len(uv)]
@@ -66,7 +74,7 @@ def outline_chains(
     # Where a lens shows nothing one-to-one, an outline is followed past the gap.
     seen = np.isfinite(directions).all(1)
     owner = np.repeat(np.arange(len(chains)), lengths)[seen]
-    directions, on_outline, image = directions[seen], on_outline[seen], image[seen]
+    directions, on_outline, image, error = directions[seen], on_outline[seen], image[seen], error[seen]
     lengths = np.bincount(owner, minlength=len(chains))
 
     start = (np.cumsum(lengths) - lengths)[owner, None]
@@ -77,19 +85,19 @@ def outline_chains(
     convex = before[:, 0] * behind[:, 1] - before[:, 1] * behind[:, 0] < 0
     count = np.bincount(image, minlength=lost.size).reshape(lost.shape)
     first = (np.cumsum(count) - count.ravel()).reshape(lost.shape)
-    return OutlineChains(directions, neighbours, convex, first, count)
+    return OutlineChains(directions, neighbours, convex, error, first, count)
 
 
-def _chains(packed: UInt8[np.ndarray, "h w8"], width: int) -> list[Float[np.ndarray, "n 2"]]:
+def _chains(mask: Bool[np.ndarray, "h w"]) -> list[Int[np.ndarray, "n 2"]]:
     """Outlines of the largest connected part of a silhouette (px); none if an edge of the image cuts it off."""
-    mask = unpacked_box(packed, 0, len(packed), 0, width)
+    height, width = mask.shape
     _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=8)
     if len(stats) < 2:
         return []
     largest = 1 + stats[1:, cv2.CC_STAT_AREA].argmax()
     left, top, across, down, _ = stats[largest]
-    if left == 0 or top == 0 or left + across == width or top + down == len(packed):
+    if left == 0 or top == 0 or left + across == width or top + down == height:
         return []
     found, _ = cv2.findContours((labels == largest).view(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     # A hole that is hardly longer than the neighbours of a point has no turns but the pixels' own.
-    return [chain[:, 0].astype(float) for chain in found if len(chain) > 2 * _NEIGHBOURS]
+    return [np.asarray(chain[:, 0], int) for chain in found if len(chain) > 2 * _NEIGHBOURS]

@@ -12,9 +12,10 @@ from ._camera import Cameras
 from ._camera_step import LEAST_NOISE, LEAST_NOISE_OF_PLANES, CameraStep, camera_step, noise_of
 from ._coherence import NOTHING, Sensitivity, sensitivity
 from ._contacts import Contacts, find_contacts
-from ._distance_images import DistanceImages, distance_images
+from ._distance_images import DistanceImages, cell_size, distance_images
 from ._epipolar_tangents import EpipolarTangents, epipolar_tangents, tangent_sensitivity
 from ._extrinsics import ExtrinsicChange, changed, no_change
+from ._fine_detail import silhouettes_without_gaps
 from ._outline_chains import OutlineChains, outline_chains
 from ._placement import body_middles
 from ._recording import Recording
@@ -25,12 +26,12 @@ from ._views import MIN_VIEWS, lost_views, silhouette_areas
 FRAMES = 60
 """Frames that are used by default: the errors of their masks are independent, those of more rays of a frame are not."""
 _RAYS = 300  # of a view: every fifth point of the outline of a person who is 400 px tall
-_ROUNDS = 20
+_ROUNDS = 30
 # Planes that are not outermost are taken for one if they miss each other by no more than so many standard deviations of
 # the noise of the round before.
 _GATE = 3.0
 # The search ends where no unknown changes by more than this part of its prior's standard deviation.
-_CHANGE = 0.03
+_CHANGE = 0.01
 # Distances reach as far as an error of this many of the prior's standard deviations moves a silhouette.
 _SIGMAS = 4.0
 # The prior's standard deviations are narrowed to this part at most.
@@ -191,8 +192,9 @@ def _outlines(
     rotation_sd: float,
 ) -> _Outlines:
     focal = float(np.asarray(cameras.K)[:, 0, 0].max())
-    images = distance_images(silhouettes, cameras, lost, int(np.ceil(_SIGMAS * rotation_sd * focal)))
-    lines = sight_lines(silhouettes, cameras, lost, images, _RAYS)
+    closed = silhouettes_without_gaps(silhouettes, cell_size(silhouettes))
+    images = distance_images(closed, cameras, lost, int(np.ceil(_SIGMAS * rotation_sd * focal)))
+    lines = sight_lines(closed, cameras, lost, images, _RAYS)
     chains = outline_chains(silhouettes, cameras, lost, images)
     return _Outlines(lines, chains, jax.device_put(images), body_middles(cameras, silhouettes, lost))
 
