@@ -1,5 +1,7 @@
 """Outlines of silhouettes point after point, so that one can tell where they turn."""
 
+from typing import NamedTuple
+
 import cv2
 import equinox as eqx
 import numpy as np
@@ -48,44 +50,67 @@ def outline_chains(
         lost: Views that are left out. Those where the edge of the image cuts the person off are left out, too.
         images: Of the same silhouettes, without gaps: they tell where between the pixels the outline is.
     """
-    step = int(images.step)
-    chains: list[Int[np.ndarray, "n 2"]] = []
-    errors: list[Float[np.ndarray, " n"]] = []
-    views: list[int] = []
-    for frame, view in zip(*np.nonzero(~lost), strict=True):
-        width, height = cameras.size[view].tolist()
-        mask = unpacked_box(silhouettes[frame, view, :height], 0, height, 0, width)
-        found, error = _chains(without_gaps(mask, step)), outline_error(mask, step)
-        chains += found
-        errors += [error[chain[:, 1], chain[:, 0]] for chain in found]
-        views += [int(frame * len(cameras) + view)] * len(found)
-    lengths = np.array([len(chain) for chain in chains], int)
-    image = np.repeat(np.array(views, np.int32), lengths)
-    uv = np.concatenate([np.zeros((0, 2)), *chains]).astype(np.float32)
-    error = np.concatenate([np.zeros(0), *errors])
-    filled = -len(uv) % _FILLED
-    on_outline = onto_outlines(images, np.pad(image, (0, filled)), np.pad(uv, ((0, filled), (0, 0))))
-    on_outline = np.asarray(on_outline, np.float64)[: len(uv)]
-
-    directions = np.zeros((len(uv), 3))
-    for view in range(len(cameras)):
-        own = image % len(cameras) == view
-        directions[own] = rays_in_camera(cameras, view, on_outline[own])
+    found = _followed(silhouettes, cameras, lost, int(images.step))
     # Where a lens shows nothing one-to-one, an outline is followed past the gap.
+    on_outline, directions = _between_pixels(found, cameras, images)
     seen = np.isfinite(directions).all(1)
-    owner = np.repeat(np.arange(len(chains)), lengths)[seen]
-    directions, on_outline, image, error = directions[seen], on_outline[seen], image[seen], error[seen]
-    lengths = np.bincount(owner, minlength=len(chains))
-
+    on_outline, directions, owner = on_outline[seen], directions[seen], found.owner[seen]
+    lengths = np.bincount(owner)
     start = (np.cumsum(lengths) - lengths)[owner, None]
     away = np.concatenate([np.arange(-_NEIGHBOURS, 0), np.arange(1, _NEIGHBOURS + 1)])
     neighbours = start + (np.arange(len(owner))[:, None] - start + away) % lengths[owner, None]
     before, behind = on_outline - on_outline[neighbours[:, 0]], on_outline[neighbours[:, -1]] - on_outline
     # OpenCV follows an outer outline with the person on its left as one sees the image, that of a hole likewise.
     convex = before[:, 0] * behind[:, 1] - before[:, 1] * behind[:, 0] < 0
-    count = np.bincount(image, minlength=lost.size).reshape(lost.shape)
+    count = np.bincount(found.image[seen], minlength=lost.size).reshape(lost.shape)
     first = (np.cumsum(count) - count.ravel()).reshape(lost.shape)
-    return OutlineChains(directions, neighbours, convex, error, first, count)
+    return OutlineChains(directions, neighbours, convex, found.error[seen], first, count)
+
+
+class _Followed(NamedTuple):
+    """Points of the outlines along the pixels."""
+
+    uv: Int[np.ndarray, "points 2"]
+    owner: Int[np.ndarray, " points"]
+    """The outline of each."""
+    image: Int[np.ndarray, " points"]
+    """Views of the first frame, then of the second."""
+    error: Float[np.ndarray, " points"]
+
+
+def _followed(
+    silhouettes: UInt8[np.ndarray, "frames cams h w8"],
+    cameras: Cameras,
+    lost: Bool[np.ndarray, "frames cams"],
+    step: int,
+) -> _Followed:
+    chains, errors = [np.zeros((0, 2), int)], [np.zeros(0)]
+    images: list[int] = []
+    for frame, view in zip(*np.nonzero(~lost), strict=True):
+        width, height = cameras.size[view].tolist()
+        mask = unpacked_box(silhouettes[frame, view, :height], 0, height, 0, width)
+        found, error = _chains(without_gaps(mask, step)), outline_error(mask, step)
+        chains += found
+        errors += [error[chain[:, 1], chain[:, 0]] for chain in found]
+        images += [int(frame * len(cameras) + view)] * len(found)
+    lengths = [len(chain) for chain in chains[1:]]
+    owner = np.repeat(np.arange(len(lengths)), lengths)
+    return _Followed(np.concatenate(chains), owner, np.array(images, int)[owner], np.concatenate(errors))
+
+
+def _between_pixels(
+    found: _Followed, cameras: Cameras, images: DistanceImages
+) -> tuple[Float[np.ndarray, "points 2"], Float[np.ndarray, "points 3"]]:
+    """The points where the outlines really are (px), and rays through them."""
+    filled = -len(found.uv) % _FILLED
+    image, uv = found.image.astype(np.int32), found.uv.astype(np.float32)
+    moved = onto_outlines(images, np.pad(image, (0, filled)), np.pad(uv, ((0, filled), (0, 0))))
+    moved = np.asarray(moved, np.float64)[: len(uv)]
+    directions = np.zeros((len(uv), 3))
+    for view in range(len(cameras)):
+        own = image % len(cameras) == view
+        directions[own] = rays_in_camera(cameras, view, moved[own])
+    return moved, directions
 
 
 def _chains(mask: Bool[np.ndarray, "h w"]) -> list[Int[np.ndarray, "n 2"]]:

@@ -30,8 +30,11 @@ _ROUNDS = 30
 # Planes that are not outermost are taken for one if they miss each other by no more than so many standard deviations of
 # the noise of the round before.
 _GATE = 3.0
-# The search ends where no unknown changes by more than this part of its prior's standard deviation.
-_CHANGE = 0.01
+# The search ends where no unknown changes by more than this part of its own standard deviation, or where changes have
+# not become smaller for some rounds: contacts and planes of poor masks are never quite the same again.
+_CHANGE, _PATIENCE = 0.1, 5
+# A search that ends so has come to rest if one of its rounds changed no more than this.
+_REST = 0.3
 # Distances reach as far as an error of this many of the prior's standard deviations moves a silhouette.
 _SIGMAS = 4.0
 # The prior's standard deviations are narrowed to this part at most.
@@ -57,7 +60,7 @@ class RefinedCameras(eqx.Module):
     hardly_seen: Bool[np.ndarray, " cams"]
     """The silhouettes say little about these cameras: they are, but for the others' turning away, as they were."""
     converged: bool
-    """The last round changed next to nothing."""
+    """The search came to rest: a round changed next to nothing."""
     frames: Int[np.ndarray, " used"]
     """Which frames were used."""
 
@@ -102,7 +105,7 @@ def refine_cameras(
 
     outlines = _outlines(np.asarray(recording.silhouettes[chosen]), given, lost, rotation_sd)
     given_sd = np.repeat((rotation_sd, shift_sd), 3)
-    total, sd, gate, converged = np.zeros((len(given), 6)), given_sd, 0.0, False
+    total, sd, gate, least, waited = np.zeros((len(given), 6)), given_sd, 0.0, np.inf, 0
     rig, found = given, outlines.seen_by(given)
     before = outlines.missed(found)
     for _ in range(_ROUNDS):
@@ -111,12 +114,12 @@ def refine_cameras(
         noise = np.array([noise_of(missing, LEAST_NOISE), noise_of(between, LEAST_NOISE_OF_PLANES)])
         step = _step(found, apart, tangents, total, sd, noise)
         reached = np.asarray(step.unknowns) * sd
-        change, total = np.abs((reached - total) / given_sd).max(), reached
+        change, total = (np.abs(reached - total) / (np.asarray(step.spread) * sd)).max(), reached
         sd = _narrowed(step, sd, given_sd)
         rig, gate = _moved(given, total), _GATE * noise[1]
         found = outlines.seen_by(rig)
-        if change < _CHANGE:
-            converged = True
+        least, waited = (change, 0) if change < least else (least, waited + 1)
+        if least < _CHANGE or waited == _PATIENCE:
             break
     apart, tangents = outlines.apart_in(rig, gate)
     # By the prior as given: by a narrow one nothing would be told of a rig that is right.
@@ -128,7 +131,7 @@ def refine_cameras(
         before=before,
         after=outlines.missed(found),
         hardly_seen=np.sqrt((spread[:, :3] ** 2).mean(1)) > _HARDLY,
-        converged=converged,
+        converged=bool(least < _REST),
         frames=chosen,
     )
 

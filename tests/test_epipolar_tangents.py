@@ -1,5 +1,6 @@
 """Planes through two optical centres that touch two silhouettes: laws, and rigs that are wrong in known ways."""
 
+import equinox as eqx
 import jax
 import numpy as np
 import pytest
@@ -100,6 +101,26 @@ def test_planes_err_together_that_touch_one_tip(cameras):
     # Of a ball each plane touches another place.
     ball = np.array([[*MIDDLES[0], 0.5]])
     assert tangents(cameras, film(cameras, FRAMES * [ball])).alike.max() < VIEWS - 2
+
+
+def test_planes_count_in_what_their_rays_err(cameras, silhouettes):
+    found = tangents(cameras, silhouettes)
+    poor = eqx.tree_at(lambda f: f.error, found, 3 * found.error)
+    for a, b in zip(*(jax.tree.leaves(apart(cameras, f)) for f in (poor, found)), strict=True):
+        np.testing.assert_allclose(3 * a, b, rtol=1e-9)
+
+
+def test_a_tip_that_pixels_do_not_resolve_errs_more(cameras):
+    # Limbs from the middle to both sides; one ends in a fist, the other in fingers with gaps between them.
+    fist = [chain([0.0, 0.0, 1.0], [0.4, 0.4, 1.4], 0.12, 12)]
+    ends = np.array([-0.4, -0.4, 0.6]) + 0.045 * np.arange(-1, 2)[:, None] * [1.0, -1.0, 0.0]
+    hand = [chain([0.0, 0.0, 1.0], end, 0.02, 40) for end in ends]
+    found = tangents(cameras, film(cameras, FRAMES * [np.concatenate(fist + hand)]))
+    rays = np.einsum("pkji,pkj->pki", np.asarray(cameras.R)[found.cameras], found.directions)
+    above = cameras.centres[found.cameras] + 4.0 * rays
+    up, down = (found.error[found.there & side] for side in ((above[..., 2] > 1).all(1), (above[..., 2] < 1).all(1)))
+    assert min(len(up), len(down)) >= 10 * FRAMES
+    assert np.median(down) > 1.3 * np.median(up)
 
 
 def test_outlines_are_followed_with_the_person_on_one_side(cameras):
