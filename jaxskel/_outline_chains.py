@@ -42,7 +42,7 @@ def outline_chains(
     lost: Bool[np.ndarray, "frames cams"],
     images: DistanceImages,
 ) -> OutlineChains:
-    """Follow the outlines of some frames.
+    """Follow the outlines of some frames, past gaps that pixels do not resolve.
 
     Args:
         silhouettes: Packed bits.
