@@ -74,10 +74,11 @@ def refine_cameras(
     """Turn and move cameras until silhouettes agree.
 
     Every outline's ray must touch the hull of the other views, and a plane through two optical centres that touches one
-    view's silhouette must touch the other's. Robust Gauss-Newton: in each round the places where rays come nearest to
-    the other silhouettes are looked up, and the planes that touch; the positive residuals (px) of rays and all
-    residuals (px) of planes, linear in the extrinsics, are brought down together with the prior. The prior is narrowed
-    to what the changes so far could be drawn from (empirical Bayes). Intrinsics and distortion stay.
+    view's silhouette must touch the other's. Gaps of a pixel or two, as between fingers, are closed first. Robust
+    Gauss-Newton: in each round the places where rays come nearest to the other silhouettes are looked up, and the
+    planes that touch; the positive residuals (px) of rays and all residuals (px) of planes, linear in the extrinsics,
+    are brought down together with the prior. The prior is narrowed to what the changes so far could be drawn from
+    (empirical Bayes). Intrinsics and distortion stay.
     The silhouettes cannot tell a rigid motion or a scale of the whole rig: the prior keeps it where it is. Compare rigs
     by [`compare_rigs`][jaxskel.compare_rigs].
 
