@@ -42,7 +42,7 @@ def outline_chains(
     lost: Bool[np.ndarray, "frames cams"],
     images: DistanceImages,
 ) -> OutlineChains:
-    """Follow the outlines of some frames, past gaps that pixels do not resolve.
+    """Follow the outlines of some frames, past gaps that pixels do not resolve (see `without_gaps`).
 
     Args:
         silhouettes: Packed bits.
@@ -51,8 +51,8 @@ def outline_chains(
         images: Of the same silhouettes, without gaps: they tell where between the pixels the outline is.
     """
     found = _followed(silhouettes, cameras, lost, int(images.step))
-    # Where a lens shows nothing one-to-one, an outline is followed past the gap.
     on_outline, directions = _between_pixels(found, cameras, images)
+    # Where a lens shows nothing one-to-one, an outline is followed past the gap.
     seen = np.isfinite(directions).all(1)
     on_outline, directions, owner = on_outline[seen], directions[seen], found.owner[seen]
     lengths = np.bincount(owner)
