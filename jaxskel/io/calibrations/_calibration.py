@@ -39,7 +39,10 @@ class CameraEntry:
     R: np.ndarray
     t: np.ndarray
     dist: np.ndarray
+    """OpenCV's coefficients; of a fisheye lens the four of `cv2.fisheye`."""
     size: tuple[float, float] | None
+    fisheye: bool = False
+    """Whether the lens model is that of `cv2.fisheye`."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +115,7 @@ def choose_views(calibration: Calibration, views: Sequence[str]) -> Calibration:
 
 def _lens(path: Path, entry: CameraEntry) -> np.ndarray:
     """At most eight coefficients; OpenCV's longer models are read where what is beyond is zero."""
-    if len(entry.dist) not in (0, 4, 5, 8, 12, 14) or entry.dist[_N_DIST:].any():
+    if entry.fisheye or len(entry.dist) not in (0, 4, 5, 8, 12, 14) or entry.dist[_N_DIST:].any():
         raise camera_fault(
             path,
             entry.name,
