@@ -187,21 +187,22 @@ def lens_slopes(cameras: Cameras, x: Any, y: Any) -> tuple[Any, Any, Any, Any]:
     )
 
 
-def reach(cameras: Cameras, x: Any, y: Any) -> Any:
-    """The distance at which a focal length in pixels is a pixel's in metres, in units of the depth, cams x n.
+def apparent_depth(cameras: Cameras, right: Any, low: Any, depth: Any) -> Any:
+    """How far away (m, cams x n) a thing is that seems a focal length smaller in pixels than it is in metres.
 
-    That is the depth itself for ordinary lenses, which show planes as planes. A fisheye lens shows angles, so it is the
-    distance from the optical centre.
+    That is the depth for an ordinary lens, which shows planes as planes. A fisheye lens shows angles, so for it it is
+    the distance from the optical centre.
     """
     if cameras.fisheye is None:
-        return 1.0
-    xp = x.__array_namespace__()
-    wide = _by_point(cameras.fisheye)
-    return xp.where(wide, xp.sqrt(1 + xp.where(wide, x * x + y * y, 0.0)), 1.0)
+        return depth
+    xp = depth.__array_namespace__()
+    # The root has no derivative at zero, in the optical centre itself, which nobody sees.
+    away = xp.sqrt(xp.maximum(right * right + low * low + depth * depth, 1e-12))
+    return xp.where(_by_point(cameras.fisheye), away, depth)
 
 
 def _by_point(fisheye: Any) -> Any:
-    """With an axis for points, if any lens is a fisheye."""
+    """Which lenses are fisheyes, with an axis for points."""
     return None if fisheye is None else fisheye[:, None]
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..._camera import Cameras, make_cameras
+from ..._lens import COEFFICIENTS, FISHEYE_COEFFICIENTS
 from .._archive import fault
 
 # A camera of a motion-capture room stands within this many metres of its origin; farther means millimetres.
@@ -14,7 +15,6 @@ _FARTHEST_CAMERA = 100.0
 # Cameras that see one person from several sides stand farther from each other than this (m); millimetres that
 # were divided by 1000 once too often do not.
 _NARROWEST_RIG = 0.1
-_N_DIST = 8
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def validated(
     for i, name in enumerate(names):
         if name in names[:i]:
             raise camera_fault(path, name, "is there twice; give every camera a name of its own")
-    dist = np.zeros((len(entries), _N_DIST))
+    dist = np.zeros((len(entries), COEFFICIENTS))
     for row, entry in zip(dist, entries, strict=True):
         lens = _lens(path, entry)
         row[: len(lens)] = lens
@@ -86,6 +86,7 @@ def validated(
             size=size,
             dist=dist,
             names=names,
+            fisheye=np.array([entry.fisheye for entry in entries]),
         )
     except ValueError as error:
         raise fault(path, None, str(error)) from None
@@ -115,14 +116,23 @@ def choose_views(calibration: Calibration, views: Sequence[str]) -> Calibration:
 
 def _lens(path: Path, entry: CameraEntry) -> np.ndarray:
     """At most eight coefficients; OpenCV's longer models are read where what is beyond is zero."""
-    if entry.fisheye or len(entry.dist) not in (0, 4, 5, 8, 12, 14) or entry.dist[_N_DIST:].any():
+    if entry.fisheye:
+        if len(entry.dist) != FISHEYE_COEFFICIENTS:
+            raise camera_fault(
+                path,
+                entry.name,
+                f"is a fisheye lens of {len(entry.dist)} distortion coefficients; give the four of cv2.fisheye (k1, "
+                "k2, k3, k4), or leave fisheye out if these are an ordinary lens'",
+            )
+        return entry.dist
+    if len(entry.dist) not in (0, 4, 5, 8, 12, 14) or entry.dist[COEFFICIENTS:].any():
         raise camera_fault(
             path,
             entry.name,
-            f"{len(entry.dist)} distortion coefficients; give OpenCV's (k1, k2, p1, p2[, k3[, k4, k5, k6]]); "
-            "fisheye, thin-prism and tilt models are not read, so undistort the images first",
+            f"{len(entry.dist)} distortion coefficients; give OpenCV's (k1, k2, p1, p2[, k3[, k4, k5, k6]]), or the "
+            "four of a fisheye lens; thin-prism and tilt models are not read, so undistort the images first",
         )
-    return entry.dist[:_N_DIST]
+    return entry.dist[:COEFFICIENTS]
 
 
 def _scale(path: Path, contents: Contents, unit: float | None) -> float:

@@ -46,7 +46,8 @@ def write_easymocap_calibration(folder: str | Path, cameras: Cameras) -> None:
         cameras: The rig, in a world with Z up, as EasyMocap takes it to be ([`Cameras.rotated`][] turns a world).
 
     Raises:
-        ValueError: A name that cannot be part of a key, or a lens with k4, k5 or k6, which the format cannot hold.
+        ValueError: A name that cannot be part of a key, or a lens that the format cannot hold: one with k4, k5 or k6,
+            or a fisheye.
     """
     intri = ["%YAML:1.0", "---", "names:", *(f'   - "{name}"' for name in cameras.names)]
     extri = list(intri)
@@ -54,6 +55,8 @@ def write_easymocap_calibration(folder: str | Path, cameras: Cameras) -> None:
         dist = np.asarray(cameras.dist[i])
         if not re.fullmatch(r"[\w.-]+", name):
             raise ValueError(f"camera {name!r}: EasyMocap takes names of letters, digits, '_', '.' and '-'; rename it")
+        if cameras.are_fisheye[i]:
+            raise ValueError(f"camera {name}: EasyMocap has no fisheye lens; undistort its images first")
         if dist[5:].any():
             raise ValueError(f"camera {name}: EasyMocap has no lens with k4, k5 and k6; undistort its images first")
         R = np.asarray(cameras.R[i])

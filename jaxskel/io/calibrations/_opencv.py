@@ -14,6 +14,8 @@ from ._text import natural_order, numbers, rotation
 # A folder holds one file a camera.
 _MOST_FILES = 1000
 _ROTATIONS = ("R", "rotation_matrix", "rotation", "rvec")
+# Names of the lens model of cv2.fisheye, the first in ROS; OpenCV's own sample writes `fisheye_model: 1` instead.
+_FISHEYE_MODELS = ("equidistant", "fisheye")
 _TRANSLATIONS = ("T", "t", "translation_vector", "translation", "tvec")
 
 
@@ -44,10 +46,6 @@ def matrix_numbers(path: Path, camera: str, key: str, value: Value, *counts: int
 def _entry(path: Path, found: dict[str, Value]) -> CameraEntry:
     name = found.get("camera_name", path.stem)
     name = name if isinstance(name, str) else path.stem
-    if found.get("fisheye_model") or found.get("distortion_model") in ("equidistant", "fisheye"):
-        raise camera_fault(
-            path, name, "is a fisheye lens, which is not read; undistort its images (cv2.fisheye.undistortImage)"
-        )
 
     def one_of(*keys: str) -> tuple[str, Any]:
         here = [key for key in keys if key in found]
@@ -77,4 +75,12 @@ def _entry(path: Path, found: dict[str, Value]) -> CameraEntry:
         t=given(*_TRANSLATIONS, counts=(3,)),
         dist=given("distortion_coefficients", counts=()),
         size=(width_height[0], width_height[1]) if sides else None,
+        fisheye=_is_fisheye(path, name, found),
     )
+
+
+def _is_fisheye(path: Path, name: str, found: dict[str, Value]) -> bool:
+    switch = found.get("fisheye_model", 0.0)
+    if switch not in (0.0, 1.0, "true", "false"):
+        raise camera_fault(path, name, f"fisheye_model is {str(switch)[:40]!r}; give 1 for a fisheye lens, 0 otherwise")
+    return switch in (1.0, "true") or found.get("distortion_model") in _FISHEYE_MODELS

@@ -46,7 +46,9 @@ def read_toml(path: Path) -> Contents:
         square = numbers(path, "metadata", "charuco_square_size", metadata["charuco_square_size"], 1)[0]
         up = "+Z" if metadata.get("groundplane_calibration") is True else None
         return Contents("FreeMoCap TOML", entries, _MILLIMETRE if square > 1 else 1.0, up)
-    if path.name.startswith("Calib") or (entries and all(len(entry.dist) == 4 for entry in entries)):
+    # Of a fisheye lens all tools give four.
+    counts = [len(entry.dist) for entry in entries if not entry.fisheye]
+    if path.name.startswith("Calib") or (counts and all(count == 4 for count in counts)):
         return Contents("Pose2Sim TOML", entries, 1.0, "+Z")
     return Contents("Anipose TOML", entries, 1.0, None)
 
@@ -62,7 +64,7 @@ def write_pose2sim_calibration(path: str | Path, cameras: Cameras) -> None:
     for i, name in enumerate(cameras.names):
         dist = np.asarray(cameras.dist[i])
         # As few as hold the lens: Pose2Sim writes four, and OpenCV takes five or eight in their place.
-        count = 8 if dist[5:].any() else 5 if dist[4] else 4
+        count = 8 if dist[5:].any() else 5 if dist[4] else 4  # and a fisheye lens has four
         # TOML takes a JSON string, but for the one control character that JSON leaves as it is.
         quoted = json.dumps(name, ensure_ascii=True).replace("\x7f", "\\u007f")
         lines += [
@@ -73,7 +75,7 @@ def write_pose2sim_calibration(path: str | Path, cameras: Cameras) -> None:
             f"distortions = {dist[:count].tolist()}",
             f"rotation = {to_vector(np.asarray(cameras.R[i])).ravel().tolist()}",
             f"translation = {np.asarray(cameras.t[i]).tolist()}",
-            "fisheye = false",
+            f"fisheye = {str(bool(cameras.are_fisheye[i])).lower()}",
             "",
         ]
     lines += ["[metadata]", "adjusted = false", "error = 0.0"]
@@ -85,13 +87,9 @@ def _entry(path: Path, key: str, table: dict[str, Any]) -> CameraEntry:
     name = table.get("name", key)
     if not isinstance(name, str):
         raise camera_fault(path, key, "name is not text")
-    if table.get("fisheye"):
-        raise camera_fault(
-            path,
-            name,
-            "is a fisheye lens, which is not read; undistort its images (cv2.fisheye.undistortImage), then give the "
-            "new matrix, distortions of zero and fisheye = false",
-        )
+    fisheye = table.get("fisheye", False)
+    if not isinstance(fisheye, bool):
+        raise camera_fault(path, name, f"fisheye is {str(fisheye)[:40]!r}; give true or false")
     for missing in _KEYS:
         if missing not in table:
             raise camera_fault(path, name, f"{missing} is missing; calibrate the camera, or take its table out")
@@ -103,4 +101,5 @@ def _entry(path: Path, key: str, table: dict[str, Any]) -> CameraEntry:
         t=numbers(path, name, "translation", table["translation"], 3),
         dist=numbers(path, name, "distortions", table["distortions"]),
         size=(width, height),
+        fisheye=fisheye,
     )
