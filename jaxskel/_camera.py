@@ -78,7 +78,7 @@ def make_cameras(
     size: Any,
     dist: Any = None,
     names: Sequence[str] | None = None,
-    fisheye: bool | Sequence[bool] | Bool[np.ndarray, "*cams"] = False,
+    fisheye: Any = False,
 ) -> Cameras:
     """Check a calibration and build `Cameras` from it.
 

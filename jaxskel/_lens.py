@@ -27,19 +27,23 @@ _MOST_STEPS = 64
 
 def distorted(dist: Any, fisheye: Any, x: Any, y: Any) -> tuple[Any, Any]:
     """Where a lens puts tangents; all arguments broadcast, but for the coefficients on the second axis of `dist`."""
+    if fisheye is None:
+        return _distorted(dist, x, y)
+    xp, (stretch, _) = x.__array_namespace__(), _fisheye_radial(dist, fisheye, x * x + y * y)
+    # At zero the model that is not the lens' own has a value and a derivative, whatever its numbers.
+    u, v = _distorted(dist, xp.where(fisheye, 0.0, x), xp.where(fisheye, 0.0, y))
+    return xp.where(fisheye, x * stretch, u), xp.where(fisheye, y * stretch, v)
+
+
+def _distorted(dist: Any, x: Any, y: Any) -> tuple[Any, Any]:
+    """OpenCV's rational and tangential lens model."""
     k1, k2, p1, p2, k3, k4, k5, k6 = (dist[:, i] for i in range(COEFFICIENTS))
-    if fisheye is not None:
-        wide, _ = _fisheye_radial(dist, fisheye, x * x + y * y)
-        # So that the model that is not the lens' own has neither a value nor a derivative that is not a number.
-        xp, own_x, own_y = x.__array_namespace__(), x, y
-        x, y, p1, p2 = (xp.where(fisheye, 0.0, a) for a in (x, y, p1, p2))
     r2 = x * x + y * y
     radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
-    u = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
-    v = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
-    if fisheye is not None:
-        u, v = xp.where(fisheye, own_x * wide, u), xp.where(fisheye, own_y * wide, v)
-    return u, v
+    return (
+        x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
+        y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
+    )
 
 
 def slopes(dist: Any, fisheye: Any, x: Any, y: Any) -> tuple[Any, Any, Any]:
@@ -47,21 +51,28 @@ def slopes(dist: Any, fisheye: Any, x: Any, y: Any) -> tuple[Any, Any, Any]:
 
     By hand, because the derivative that JAX makes of the lens model takes ten times as long.
     """
-    k1, k2, p1, p2, k3, k4, k5, k6 = (dist[:, i] for i in range(COEFFICIENTS))
     r2 = x * x + y * y
-    if fisheye is not None:
+    p1, p2 = dist[:, 2], dist[:, 3]
+    if fisheye is None:
+        radial, growth = _radial(dist, r2)
+    else:
         xp = x.__array_namespace__()
-        wide, wider = _fisheye_radial(dist, fisheye, r2)
-        r2, p1, p2 = (xp.where(fisheye, 0.0, a) for a in (r2, p1, p2))
-    below = 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
-    radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / below
-    growth = 2 * (k1 + r2 * (2 * k2 + r2 * 3 * k3) - radial * (k4 + r2 * (2 * k5 + r2 * 3 * k6))) / below
-    if fisheye is not None:
-        radial, growth = xp.where(fisheye, wide, radial), xp.where(fisheye, wider, growth)
+        p1, p2 = xp.where(fisheye, 0.0, p1), xp.where(fisheye, 0.0, p2)
+        own, other = _fisheye_radial(dist, fisheye, r2), _radial(dist, xp.where(fisheye, 0.0, r2))
+        radial, growth = (xp.where(fisheye, a, b) for a, b in zip(own, other, strict=True))
     along_x = radial + growth * x * x + 2 * p1 * y + 6 * p2 * x
     across = growth * x * y + 2 * p1 * x + 2 * p2 * y
     along_y = radial + growth * y * y + 6 * p1 * y + 2 * p2 * x
     return along_x, across, along_y
+
+
+def _radial(dist: Any, r2: Any) -> tuple[Any, Any]:
+    """By how much an ordinary lens stretches tangents of the square r2, and twice the derivative of that by r2."""
+    k1, k2, _, _, k3, k4, k5, k6 = (dist[:, i] for i in range(COEFFICIENTS))
+    below = 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
+    radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / below
+    growth = 2 * (k1 + r2 * (2 * k2 + r2 * 3 * k3) - radial * (k4 + r2 * (2 * k5 + r2 * 3 * k6))) / below
+    return radial, growth
 
 
 def _fisheye_radial(dist: Any, fisheye: Any, r2: Any) -> tuple[Any, Any]:
@@ -148,7 +159,7 @@ def _undone(dist: np.ndarray, max_radius: Any, xd: np.ndarray, yd: np.ndarray) -
 def _at(dist: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Distorted points of one lens, or of one lens each."""
     lenses = np.atleast_2d(dist)[:, :, None]
-    xd, yd = distorted(lenses, None, x.reshape(len(lenses), -1), y.reshape(len(lenses), -1))
+    xd, yd = _distorted(lenses, x.reshape(len(lenses), -1), y.reshape(len(lenses), -1))
     return xd.reshape(-1), yd.reshape(-1)
 
 
