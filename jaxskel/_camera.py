@@ -27,7 +27,8 @@ class Cameras(eqx.Module):
     dist: Float[Array | np.ndarray, "cams 8"]
     """OpenCV's k1, k2, p1, p2, k3, k4, k5, k6; of a fisheye lens the k1, k2, k3, k4 of `cv2.fisheye`, then zeros."""
     max_radius: Float[Array | np.ndarray, " cams"]
-    """Undistorted radius (tangent of the angle to the axis) up to which the distortion is one-to-one."""
+    """Undistorted radius (tangent of the angle to the axis) up to which the distortion is one-to-one; of a fisheye lens
+    it stays below that of 90 degrees."""
     size: Int[np.ndarray, "cams 2"]
     """Width and height of each image (px)."""
     names: tuple[str, ...] = eqx.field(static=True)
