@@ -38,11 +38,12 @@ def read_by_content(path: Path) -> Contents | None:
         (_biocv.is_biocv, _biocv.read_biocv),
         (_totalcapture.is_totalcapture, _totalcapture.read_totalcapture),
         (_middlebury.is_middlebury, _middlebury.read_middlebury),
-        (_is_matrix, read_projection_text),
     ):
         if is_it(text):
             return read(path)
-    return None
+    if suffix == _biocv.SUFFIX:
+        return _biocv.read_biocv(path)  # to be told what is wrong with it
+    return read_projection_text(path) if suffix == ".txt" and _is_matrix(text) else None
 
 
 def _of_xml(path: Path, root: str) -> Contents | None:

@@ -63,9 +63,10 @@ def _entry(path: Path, name: str, camera: dict[str, str], pose: np.ndarray) -> C
     model, lens = (camera.get(key, "none").strip("\"'") for key in ("camera_model", "distortion_model"))
     if model != "pinhole" or lens not in ("radtan", "equidistant", "none"):
         raise camera_fault(
-            path, name, f"is a camera of the model {model[:40]} with {lens[:40]}; only pinhole with radtan or equidistant is "
-            "read",
-        )  # fmt: skip
+            path,
+            name,
+            f"is of the model {model[:40]} with {lens[:40]}; only pinhole with radtan or equidistant is read",
+        )
     fx, fy, cx, cy = _numbers(path, name, camera, "intrinsics", 4)
     width, height = _numbers(path, name, camera, "resolution", 2).tolist()
     dist = np.zeros(0) if lens == "none" else _numbers(path, name, camera, "distortion_coeffs", 4)

@@ -25,9 +25,7 @@ def read_qualisys(path: Path) -> Contents:
     """
     cameras = calibrated_cameras(path)
     if any(in_pixels(camera) for camera in cameras):
-        raise fault(
-            path, None, "counts some sensors in pixels, as Theia3D does, and others not; export it again from QTM"
-        )
+        raise fault(path, None, "counts only some sensors in pixels, as Theia3D does; export it again from QTM")
     cameras = [camera for camera in cameras if _is_video(camera)] or cameras
     return sorted_contents("Qualisys", [_entry(path, camera) for camera in cameras], "+Z")
 

@@ -17,10 +17,10 @@ from ._toml import read_toml
 
 _PICKLES = (".pickle", ".pkl", ".p", ".joblib", ".pt", ".pth")
 _KNOWN = (
-    "TOML (Pose2Sim, Anipose, FreeMoCap, Caliscope), .yml (OpenCV, EasyMocap, Kalibr), .xml (OpenCV, Metashape), .qca.txt "
-    "(Qualisys, Theia3D), .xcp (Vicon), .mcal (Motive), .calibration (Skeletool), .calib (BioCV), .cal (TotalCapture), "
-    "cameras.txt with images.txt (COLMAP), .json (CMU Panoptic), .npz, .npy or .txt (projection matrices), par.txt "
-    "(Middlebury)"
+    "TOML (Pose2Sim, Anipose, FreeMoCap, Caliscope), .yml (OpenCV, EasyMocap, Kalibr), .xml (OpenCV, Metashape), "
+    ".qca.txt (Qualisys, Theia3D), .xcp (Vicon), .mcal (Motive), .calibration (Skeletool), .calib (BioCV), .cal "
+    "(TotalCapture), cameras.txt with images.txt (COLMAP), .json (CMU Panoptic), .npz, .npy or .txt (projection "
+    "matrices), par.txt (Middlebury)"
 )
 
 
@@ -30,10 +30,10 @@ def read_calibration(
     """Read the calibration of a rig from a file or a folder of another tool's.
 
     TOML of Pose2Sim, Anipose, FreeMoCap and Caliscope; OpenCV's YAML and XML, a file or a folder with one a camera;
-    EasyMocap's `intri.yml` and `extri.yml`; Qualisys `.qca.txt` and what its real-time protocol sends; Theia3D; Vicon
-    `.xcp`; Motive `.mcal`; Metashape's XML; Kalibr's `camchain.yaml`; Skeletool; BioCV; TotalCapture; Middlebury; COLMAP's `cameras.txt` and
-    `images.txt`; CMU Panoptic's JSON; projection matrices 3 x 4 in `.npy`, `.npz` or `.txt`; and the calibration of
-    a sequence file. A pickle is never read.
+    EasyMocap's `intri.yml` and `extri.yml`; Kalibr's `camchain.yaml`; Qualisys `.qca.txt` and what its real-time
+    protocol sends; Theia3D; Vicon `.xcp`; Motive `.mcal`; Metashape's XML; Skeletool; BioCV; TotalCapture; Middlebury;
+    COLMAP's `cameras.txt` and `images.txt`; CMU Panoptic's JSON; projection matrices 3 x 4 in `.npy`, `.npz` or
+    `.txt`; and the calibration of a sequence file. A pickle is never read.
 
     Args:
         path: The file, or the folder of files that belong together (or one of a pair).
