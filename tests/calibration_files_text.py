@@ -12,7 +12,7 @@ SPELLINGS = {
     "words": ("CameraIntrinsicMatrix", "DistortionCoeffs", "CameraRotationVecs", "CameraTranslationVecs"),
     "values": ("CameraMatrix", "DistortionCoeffs", "RotationValues", "TranslationValues"),
     "short": ("mtx", "dist", "rvec", "tvec"),
-    "signs": ("camera-matrix", "distortion-coefficients", "RVecs", "t_vec"),
+    "capitals": ("CAMERA_MTX", "Dist_Coeffs", "RVecs", "T_vec"),
 }
 
 
@@ -232,8 +232,13 @@ def kalibr(folder: Path, rig: Rig) -> Path:
     return folder / "camchain.yaml"
 
 
+def opencv_json(folder: Path, rig: Rig) -> Path:
+    return opencv_xml(folder, rig, "words", "{}.json")
+
+
 TEXT_FORMATS = {
     "opencv xml": Format(opencv_xml, 8, "OpenCV XML", None),
+    "opencv json": Format(opencv_json, 8, "OpenCV JSON", None),
     "opencv xml in folders": Format(opencv_xml_in_folders, 8, "OpenCV XML", None, has_size=False),
     "skeletool": Format(skeletool, 0, "Skeletool", None),
     "theia3d": Format(theia3d, 5, "Theia3D", None),

@@ -26,6 +26,7 @@ from test_calibrations import POINTS, assert_same, read
 
 from jaxskel._camera import project
 from jaxskel.io import read_calibration
+from jaxskel.io.calibrations import contents_of
 
 every_format = pytest.mark.parametrize("form", TEXT_FORMATS.values(), ids=TEXT_FORMATS.keys())
 
@@ -74,10 +75,8 @@ def test_kalibr_places_each_camera_by_the_one_before_it(tmp_path):
 
 
 @pytest.mark.parametrize("spelling", SPELLINGS)
-@pytest.mark.parametrize("file_of", ["{}.xml", "{}/config.xml", "{}.yml", "{}/calibration.yml"])
-def test_opencv_files_in_any_spelling_and_either_syntax(spelling, file_of, tmp_path):
-    if "-" in SPELLINGS[spelling][0] and file_of.endswith("xml"):
-        pytest.skip("OpenCV does not write such names into XML")
+@pytest.mark.parametrize("file_of", ["{}.xml", "{}/config.xml", "{}.yml", "{}/calibration.yml", "{}.json", "{}/a.json"])
+def test_opencv_files_in_any_spelling_and_syntax(spelling, file_of, tmp_path):
     rig = a_rig(8)
     assert_same(read_calibration(opencv_xml(tmp_path, rig, spelling, file_of)).cameras, rig)
 
@@ -102,12 +101,24 @@ def test_opencv_xml_of_several_channels_and_a_list_for_the_size(tmp_path):
     assert read_calibration(path).cameras.size.tolist() == [[640, 480]]
 
 
+def test_fisheye_lenses_are_marked(tmp_path):
+    path = opencv_xml(tmp_path, a_rig(22, 4, 1), "words") / "cam_1.xml"
+    lens = re.search(r"<DistortionCoeffs.*</DistortionCoeffs>", path.read_text(), re.DOTALL)[0]  # pyright: ignore
+    four = '<dist type_id="opencv-matrix"><rows>4</rows><cols>1</cols><dt>d</dt><data>.1 .2 .3 .4</data></dist>'
+    edited(path, lens, f"<fisheye_model>1</fisheye_model>{four}")
+    edited(kalibr(tmp_path, a_rig(22, 4)), "radtan", "equidistant")
+    for name in ("cam_1.xml", "camchain.yaml"):
+        entry = contents_of(tmp_path / name).entries[0]
+        assert entry.fisheye
+        assert len(entry.dist) == 4
+
+
 def test_a_folder_of_opencv_cameras_is_told_of_what_it_lacks(tmp_path):
     rig = a_rig(11)
     opencv_xml_in_folders(tmp_path, rig)
     assert "camera cam_1: OpenCV XML gives no image size here" in refused(tmp_path)
     board = (tmp_path / "board.xml").read_text()
-    assert "camera board: distortion_coefficients is missing" in refused(tmp_path / "board.xml")
+    assert "camera board: camera_matrix is missing" in refused(tmp_path / "board.xml")
     (tmp_path / "cam_9" / "config.xml").write_text(board)
     assert "cam_9/config.xml: holds no camera, as those in the folders beside it do" in refused(tmp_path)
     (tmp_path / "cam_9" / "config.xml").unlink()
@@ -265,7 +276,7 @@ def test_a_camera_that_was_drawn_on_paper(name, tmp_path):
         ("metashape", "cameras.xml", "<scale>0.37", "<scale>1e8", "camera cam_1: stands somewhere on the globe"),
         ("opencv xml", "cam_1.xml", "<cols>3</cols>", "<cols>4</cols>", "'camera_matrix': claims 3 x 4 numbers"),
         ("opencv xml", "cam_1.xml", "<rows>3</rows>", "<rows>x</rows>", "'camera_matrix': is no matrix"),
-        ("opencv xml", "cam_1.xml", "image_width", "fisheye_model", "camera cam_1: is a fisheye lens with 8"),
+        ("opencv xml", "cam_1.xml", "calibration_time", "fisheye_model", "cam_1: fisheye_model is 'Thu .*; give 1"),
         ("opencv xml", "cam_1.xml", "translation_vectors", "place", "T or t or .* is missing; .*; there are .*place"),
     ],
 )  # fmt: skip

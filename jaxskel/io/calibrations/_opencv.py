@@ -8,27 +8,31 @@ import numpy as np
 from .._archive import fault
 from ._calibration import CameraEntry, Contents, camera_fault
 from ._folder import sorted_files, sorted_folders
+from ._opencv_json import MARK, read_opencv_json
 from ._opencv_keys import HEIGHT, LENS, MATRIX, ROTATION, SIZE, TRANSLATION, WIDTH, keys_of, part_of
 from ._opencv_xml import ROOT, read_opencv_xml
 from ._opencv_yaml import Matrix, Value, read_opencv_yaml
 from ._text import numbers, read_text, rotation
 
 _YAML = (".yml", ".yaml")
-_FISHEYE = 4  # coefficients
+# What stands in files of the other syntaxes that OpenCV wrote.
+_MARKS = {".xml": f"<{ROOT}", ".json": MARK}
+# Names of the lens model of cv2.fisheye, the first in ROS; OpenCV's own sample writes `fisheye_model: 1` instead.
+_FISHEYE_MODELS = ("equidistant", "fisheye")
 
 
 def read_opencv(path: Path) -> Contents:
     """Read a file of a camera, or a folder of them, in the order of their names, cam_2 before cam_10.
 
-    In the folder are files, YAML or XML, side by side, or folders with one such file each, which then name the cameras.
-    A file holds an intrinsic matrix, distortion coefficients and a rotation, a matrix or a vector, and a translation
-    from world to camera, under the usual names (`_opencv_keys.py`), and maybe the size of the image. A camera has the
-    name ``camera_name``, or that of its file or folder. No unit is stated: metres are taken.
+    In the folder are files (YAML, XML or JSON) side by side, or folders with one each, which then name the cameras. A
+    file holds an intrinsic matrix, distortion coefficients and a rotation, a matrix or a vector, and a translation from
+    world to camera, under the usual names (`_opencv_keys.py`), and maybe the size of the image. A camera has the name
+    ``camera_name``, or that of its file or folder. No unit is stated: metres are taken.
     """
     files = camera_files(path) if os.path.isdir(path) else {path.stem: path}
     if not files:
         raise fault(path, None, "holds no camera that OpenCV wrote; give a folder with one file a camera")
-    kind = "YAML" if next(iter(files.values())).suffix.lower() in _YAML else "XML"
+    kind = {".xml": "XML", ".json": "JSON"}.get(next(iter(files.values())).suffix.lower(), "YAML")
     entries = [_entry(file, name, _found(file)) for name, file in files.items()]
     return Contents(f"OpenCV {kind}", entries, 1.0, None)
 
@@ -60,27 +64,27 @@ def matrix_numbers(path: Path, camera: str, key: str, value: Value, *counts: int
     return numbers(path, camera, key, value.data if isinstance(value, Matrix) else value, *counts)
 
 
-def _holders(folder: Path) -> list[Path]:
-    """Files of a folder that are YAML, or XML of a camera: boards and settings are written as XML too."""
-    files = sorted_files(folder, *_YAML, ".xml")
-    return [file for file in files if file.suffix.lower() in _YAML or _holds_camera(file)]
-
-
-def _holds_camera(file: Path) -> bool:
-    if f"<{ROOT}" not in read_text(file):
+def holds_camera(file: Path) -> bool:
+    """Whether a file of XML or JSON is OpenCV's, and of a camera: boards and settings are written so too."""
+    if _MARKS[file.suffix.lower()] not in read_text(file):
         return False
-    found = read_opencv_xml(file)
+    found = _found(file)
     return any(keys_of(found, part) for part in (MATRIX, ROTATION, TRANSLATION))
 
 
+def _holders(folder: Path) -> list[Path]:
+    """The files of a folder that are YAML, or others that hold a camera."""
+    files = sorted_files(folder, *_YAML, *_MARKS)
+    return [file for file in files if file.suffix.lower() in _YAML or holds_camera(file)]
+
+
 def _found(path: Path) -> dict[str, Value]:
-    return read_opencv_yaml(path) if path.suffix.lower() in _YAML else read_opencv_xml(path)
+    return {".xml": read_opencv_xml, ".json": read_opencv_json}.get(path.suffix.lower(), read_opencv_yaml)(path)
 
 
 def _entry(path: Path, stem: str, found: dict[str, Value]) -> CameraEntry:
     name = found.get("camera_name", stem)
     name = name if isinstance(name, str) else stem
-    is_fisheye = bool(found.get("fisheye_model")) or found.get("distortion_model") in ("equidistant", "fisheye")
 
     def of(*counts: int):  # noqa: ANN202
         return lambda key, value: matrix_numbers(path, name, key, value, *counts)
@@ -88,21 +92,22 @@ def _entry(path: Path, stem: str, found: dict[str, Value]) -> CameraEntry:
     def turn(key: str, value: Value) -> np.ndarray:
         return rotation(path, name, key, value.data if isinstance(value, Matrix) else value)
 
-    dist = part_of(path, name, found, LENS, of())
-    if is_fisheye and len(dist) != _FISHEYE:
-        raise camera_fault(
-            path, name, f"is a fisheye lens with {len(dist)} coefficients; cv2.fisheye has four: calibrate with it, or "
-            "undistort the images (cv2.fisheye.undistortImage)",
-        )  # fmt: skip
     return CameraEntry(
         name=name,
         K=part_of(path, name, found, MATRIX, of(9)).reshape(3, 3),
         R=part_of(path, name, found, ROTATION, turn),
         t=part_of(path, name, found, TRANSLATION, of(3)),
-        dist=dist,
+        dist=part_of(path, name, found, LENS, of()),
         size=_size(path, name, found),
-        fisheye=is_fisheye,
+        fisheye=_is_fisheye(path, name, found),
     )
+
+
+def _is_fisheye(path: Path, name: str, found: dict[str, Value]) -> bool:
+    switch = found.get("fisheye_model", 0.0)
+    if switch not in (0.0, 1.0, "true", "false"):
+        raise camera_fault(path, name, f"fisheye_model is {str(switch)[:40]!r}; give 1 for a fisheye lens, 0 otherwise")
+    return switch in (1.0, "true") or found.get("distortion_model") in _FISHEYE_MODELS
 
 
 def _size(path: Path, name: str, found: dict[str, Value]) -> tuple[float, float] | None:

@@ -9,7 +9,7 @@ from . import _biocv, _colmap, _easymocap
 from ._by_content import SUFFIXES, read_by_content
 from ._calibration import Calibration, Contents, validated
 from ._kalibr import is_kalibr, read_kalibr
-from ._opencv import camera_files, read_opencv
+from ._opencv import camera_files, holds_camera, read_opencv
 from ._panoptic import read_panoptic
 from ._projections import read_projection_archive, read_projection_array
 from ._sequence import read_sequence_calibration
@@ -19,8 +19,8 @@ _PICKLES = (".pickle", ".pkl", ".p", ".joblib", ".pt", ".pth")
 _KNOWN = (
     "TOML (Pose2Sim, Anipose, FreeMoCap, Caliscope), .yml (OpenCV, EasyMocap, Kalibr), .xml (OpenCV, Metashape), "
     ".qca.txt (Qualisys, Theia3D), .xcp (Vicon), .mcal (Motive), .calibration (Skeletool), .calib (BioCV), .cal "
-    "(TotalCapture), cameras.txt with images.txt (COLMAP), .json (CMU Panoptic), .npz, .npy or .txt (projection "
-    "matrices), par.txt (Middlebury)"
+    "(TotalCapture), par.txt (Middlebury), cameras.txt with images.txt (COLMAP), .json (OpenCV, CMU Panoptic), .npz, "
+    ".npy or .txt (projection matrices)"
 )
 
 
@@ -29,11 +29,11 @@ def read_calibration(
 ) -> Calibration:
     """Read the calibration of a rig from a file or a folder of another tool's.
 
-    TOML of Pose2Sim, Anipose, FreeMoCap and Caliscope; OpenCV's YAML and XML, a file or a folder with one a camera;
-    EasyMocap's `intri.yml` and `extri.yml`; Kalibr's `camchain.yaml`; Qualisys `.qca.txt` and what its real-time
-    protocol sends; Theia3D; Vicon `.xcp`; Motive `.mcal`; Metashape's XML; Skeletool; BioCV; TotalCapture; Middlebury;
-    COLMAP's `cameras.txt` and `images.txt`; CMU Panoptic's JSON; projection matrices 3 x 4 in `.npy`, `.npz` or
-    `.txt`; and the calibration of a sequence file. A pickle is never read.
+    TOML of Pose2Sim, Anipose, FreeMoCap and Caliscope; OpenCV's YAML, XML and JSON, a file or a folder with one a
+    camera; EasyMocap's `intri.yml` and `extri.yml`; Kalibr's `camchain.yaml`; Qualisys `.qca.txt` and what its
+    real-time protocol sends; Theia3D; Vicon `.xcp`; Motive `.mcal`; Metashape's XML; Skeletool; BioCV; TotalCapture;
+    Middlebury; COLMAP's `cameras.txt` and `images.txt`; CMU Panoptic's JSON; projection matrices 3 x 4 in `.npy`,
+    `.npz` or `.txt`; and the calibration of a sequence file. A pickle is never read.
 
     Args:
         path: The file, or the folder of files that belong together (or one of a pair).
@@ -69,7 +69,7 @@ def contents_of(path: Path) -> Contents:
     if suffix == ".toml":
         return read_toml(path)
     if suffix == ".json":
-        return read_panoptic(path)
+        return read_opencv(path) if holds_camera(path) else read_panoptic(path)
     if suffix in (".yml", ".yaml"):
         return read_kalibr(path) if is_kalibr(path) else read_opencv(path)
     contents = read_by_content(path) if suffix in SUFFIXES else None
