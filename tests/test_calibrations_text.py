@@ -199,8 +199,10 @@ def test_theia_is_never_read_as_qualisys(tmp_path):
 def test_biocv_at_any_scale(scale, tmp_path):
     rig = a_rig(18, 5)
     assert_same(read_calibration(biocv(tmp_path, rig, scale)).cameras, rig)
-    alone = read_calibration(tmp_path / "cam_2.mp4-mocAligned.calib").cameras
-    assert alone.names == ("cam_2",)
+    for name in ("cam_2.mp4-mocAligned.calib", "cam_2.AVI-mocAligned2.calib", "cam_2.calib"):
+        (tmp_path / "cam_2.mp4-mocAligned.calib").rename(tmp_path / name)
+        assert read_calibration(tmp_path / name).cameras.names == ("cam_2",)
+        (tmp_path / name).rename(tmp_path / "cam_2.mp4-mocAligned.calib")
 
 
 def test_metashape_without_a_reference_has_no_scale(tmp_path):

@@ -134,7 +134,7 @@ def _calibration(folder: Path, wanted: str | None) -> tuple[str, Contents, list[
 def _may_be_calibration(folder: Path) -> bool:
     """A folder is one where its files belong together."""
     names = [file.name.lower() for file in folder.iterdir()]
-    alike = (".yml", ".yaml", ".xml", ".calib")
+    alike = (".yml", ".yaml", ".xml", ".json", ".calib")
     return any(name == "cameras.txt" or name.endswith(alike) for name in names) or any(folder.glob("*/*.xml"))
 
 

@@ -12,6 +12,7 @@ from ._folder import sorted_files
 from ._text import nearest_rotation, read_text, split_numbers
 
 SUFFIX = ".calib"
+_VIDEO = r"\.(mp4|avi|mov|mkv|m4v|mpg)"
 _MILLIMETRE = 0.001
 # Width, height, K and the pose by rows, then four or five coefficients of the lens.
 _COUNTS = (31, 32)
@@ -35,7 +36,7 @@ def is_biocv(text: str) -> bool:
 
 
 def _entry(path: Path) -> CameraEntry:
-    name = re.sub(rf"(\.\w+-\w+)?{re.escape(SUFFIX)}$", "", path.name, flags=re.IGNORECASE)
+    name = re.sub(rf"({_VIDEO}(-\w+)?)?{re.escape(SUFFIX)}$", "", path.name, flags=re.IGNORECASE)
     text = read_text(path, _MAX_BYTES)
     if not is_biocv(text):
         raise fault(path, None, "is no calibration of BioCV: width, height, K, a pose of 4 x 4 and the lens, in lines")

@@ -1,6 +1,7 @@
 """Folders that hold one file a camera."""
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 from .._archive import fault
@@ -11,7 +12,7 @@ _MOST_FILES = 1000
 
 def sorted_files(folder: Path, *suffixes: str) -> list[Path]:
     """Its files with one of the suffixes, in the order of their names, cam_2 before cam_10."""
-    files = [path for path in _sorted(folder) if path.suffix.lower() in suffixes and os.path.isfile(path)]
+    files = _sorted(folder, lambda entry: entry.name.lower().endswith(suffixes) and entry.is_file())
     if len(files) > _MOST_FILES:
         raise fault(folder, None, f"holds {len(files)} {' and '.join(suffixes)} files; give a folder with one a camera")
     return files
@@ -19,11 +20,14 @@ def sorted_files(folder: Path, *suffixes: str) -> list[Path]:
 
 def sorted_folders(folder: Path) -> list[Path]:
     """The folders in it, in the same order."""
-    return [path for path in _sorted(folder) if os.path.isdir(path)]
+    return _sorted(folder, lambda entry: entry.is_dir())
 
 
-def _sorted(folder: Path) -> list[Path]:
+def _sorted(folder: Path, chosen: Callable[[os.DirEntry[str]], bool]) -> list[Path]:
+    # There may be a hundred thousand images beside them.
     try:
-        return sorted(folder.iterdir(), key=lambda path: natural_order(path.name))
+        with os.scandir(folder) as entries:
+            names = [entry.name for entry in entries if chosen(entry)]
     except OSError as error:
         raise fault(folder, None, f"cannot be opened ({error.strerror}); check the path") from None
+    return [folder / name for name in sorted(names, key=natural_order)]
