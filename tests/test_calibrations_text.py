@@ -123,7 +123,18 @@ def test_a_folder_of_opencv_cameras_is_told_of_what_it_lacks(tmp_path):
     assert "cam_9/config.xml: holds no camera, as those in the folders beside it do" in refused(tmp_path)
     (tmp_path / "cam_9" / "config.xml").unlink()
     (tmp_path / "cam_2" / "other.xml").write_bytes((tmp_path / "cam_1" / "config.xml").read_bytes())
-    assert "cam_2: holds several cameras, config.xml, other.xml" in refused(tmp_path)
+    assert "cam_2: holds CameraIntrinsicMatrix in several of config.xml, other.xml" in refused(tmp_path)
+
+
+def test_opencv_writes_the_parts_of_a_camera_to_two_files(tmp_path):
+    rig = a_rig(23)
+    opencv_xml(tmp_path, rig, "words", "{}/intrinsics.xml")
+    for folder in tmp_path.iterdir():
+        text = (folder / "intrinsics.xml").read_text()
+        pose = text[text.index("<CameraRotationVecs") :]
+        edited(folder / "intrinsics.xml", pose, "</opencv_storage>")
+        (folder / "extrinsics.xml").write_text(f'<?xml version="1.0"?>\n<opencv_storage>\n{pose}')
+    assert_same(read_calibration(tmp_path).cameras, rig)
 
 
 @pytest.mark.parametrize(("bins", "rows", "resolution"), [(2, 1088, "540p"), (2, 1440, "720p"), (3, 1440, "480p")])

@@ -17,6 +17,7 @@ from ._text import numbers, read_text, rotation
 _YAML = (".yml", ".yaml")
 # What stands in files of the other syntaxes that OpenCV wrote.
 _MARKS = {".xml": f"<{ROOT}", ".json": MARK}
+_PARTS = (MATRIX, ROTATION, TRANSLATION)
 # Names of the lens model of cv2.fisheye, the first in ROS; OpenCV's own sample writes `fisheye_model: 1` instead.
 _FISHEYE_MODELS = ("equidistant", "fisheye")
 
@@ -24,34 +25,30 @@ _FISHEYE_MODELS = ("equidistant", "fisheye")
 def read_opencv(path: Path) -> Contents:
     """Read a file of a camera, or a folder of them, in the order of their names, cam_2 before cam_10.
 
-    In the folder are files (YAML, XML or JSON) side by side, or folders with one each, which then name the cameras. A
-    file holds an intrinsic matrix, distortion coefficients and a rotation, a matrix or a vector, and a translation from
-    world to camera, under the usual names (`_opencv_keys.py`), and maybe the size of the image. A camera has the name
-    ``camera_name``, or that of its file or folder. No unit is stated: metres are taken.
+    In the folder are files (YAML, XML or JSON) side by side, or a folder for each camera, after which it is named: with
+    one file, or with several for its parts. A file holds an intrinsic matrix, distortion coefficients and a rotation, a
+    matrix or a vector, and a translation from world to camera, under the usual names (`_opencv_keys.py`), and maybe the
+    size of the image. A camera has the name ``camera_name``, or that of its file or folder. No unit is stated: metres
+    are taken.
     """
-    files = camera_files(path) if os.path.isdir(path) else {path.stem: path}
+    files = camera_files(path) if os.path.isdir(path) else {path.stem: [path]}
     if not files:
         raise fault(path, None, "holds no camera that OpenCV wrote; give a folder with one file a camera")
-    kind = {".xml": "XML", ".json": "JSON"}.get(next(iter(files.values())).suffix.lower(), "YAML")
-    entries = [_entry(file, name, _found(file)) for name, file in files.items()]
+    kind = {".xml": "XML", ".json": "JSON"}.get(next(iter(files.values()))[0].suffix.lower(), "YAML")
+    entries = [
+        _entry(held[0] if len(held) == 1 else held[0].parent, name, _of_all(held)) for name, held in files.items()
+    ]
     return Contents(f"OpenCV {kind}", entries, 1.0, None)
 
 
-def camera_files(folder: Path) -> dict[str, Path]:
+def camera_files(folder: Path) -> dict[str, list[Path]]:
     """The files of a folder, or of the folders in it, that may hold a camera, by its name."""
     direct = _holders(folder)
     if direct:
-        return {file.stem: file for file in direct}
-    found = {}
+        return {file.stem: [file] for file in direct}
     folders = sorted_folders(folder)
-    for inner in folders:
-        held = _holders(inner)
-        if len(held) > 1:
-            listed = ", ".join(file.name for file in held)
-            raise fault(inner, None, f"holds several cameras, {listed}; keep one file in the folder of each camera")
-        if held:
-            found[inner.name] = held[0]
-    names = {file.name for file in found.values()}
+    found = {inner.name: held for inner in folders if (held := _holders(inner))}
+    names = {file.name for held in found.values() for file in held}
     for inner in folders:
         # A camera whose file is damaged would be missing without a word.
         for file in () if inner.name in found else (inner / name for name in names if os.path.isfile(inner / name)):
@@ -69,7 +66,7 @@ def holds_camera(file: Path) -> bool:
     if _MARKS[file.suffix.lower()] not in read_text(file):
         return False
     found = _found(file)
-    return any(keys_of(found, part) for part in (MATRIX, ROTATION, TRANSLATION))
+    return any(keys_of(found, part) for part in _PARTS)
 
 
 def _holders(folder: Path) -> list[Path]:
@@ -80,6 +77,21 @@ def _holders(folder: Path) -> list[Path]:
 
 def _found(path: Path) -> dict[str, Value]:
     return {".xml": read_opencv_xml, ".json": read_opencv_json}.get(path.suffix.lower(), read_opencv_yaml)(path)
+
+
+def _of_all(files: list[Path]) -> dict[str, Value]:
+    """What the files of one camera hold together: the matrix may be in one, the pose in another."""
+    whole: dict[str, Value] = {}
+    for file in files:
+        found = _found(file)
+        for part in _PARTS:
+            if keys_of(whole, part) and keys_of(found, part):
+                listed = ", ".join(file.name for file in files)
+                raise fault(
+                    file.parent, None, f"holds {keys_of(found, part)[0]} in several of {listed}; keep one of them"
+                )
+        whole = found | whole
+    return whole
 
 
 def _entry(path: Path, stem: str, found: dict[str, Value]) -> CameraEntry:
