@@ -15,8 +15,6 @@ from calibration_files_text import (
     kalibr,
     metashape,
     opencv_xml,
-    opencv_xml_in_folders,
-    qualisys_sensors,
     skeletool,
     theia3d,
     totalcapture,
@@ -113,19 +111,6 @@ def test_fisheye_lenses_are_marked(tmp_path):
         assert len(entry.dist) == 4
 
 
-def test_a_folder_of_opencv_cameras_is_told_of_what_it_lacks(tmp_path):
-    rig = a_rig(11)
-    opencv_xml_in_folders(tmp_path, rig)
-    assert "camera cam_1: OpenCV XML gives no image size here" in refused(tmp_path)
-    board = (tmp_path / "board.xml").read_text()
-    assert "camera board: camera_matrix is missing" in refused(tmp_path / "board.xml")
-    (tmp_path / "cam_9" / "config.xml").write_text(board)
-    assert "cam_9/config.xml: holds no camera, as those in the folders beside it do" in refused(tmp_path)
-    (tmp_path / "cam_9" / "config.xml").unlink()
-    (tmp_path / "cam_2" / "other.xml").write_bytes((tmp_path / "cam_1" / "config.xml").read_bytes())
-    assert "cam_2: holds CameraIntrinsicMatrix in several of config.xml, other.xml" in refused(tmp_path)
-
-
 def test_opencv_writes_the_parts_of_a_camera_to_two_files(tmp_path):
     rig = a_rig(23)
     opencv_xml(tmp_path, rig, "words", "{}/intrinsics.xml")
@@ -135,75 +120,6 @@ def test_opencv_writes_the_parts_of_a_camera_to_two_files(tmp_path):
         edited(folder / "intrinsics.xml", pose, "</opencv_storage>")
         (folder / "extrinsics.xml").write_text(f'<?xml version="1.0"?>\n<opencv_storage>\n{pose}')
     assert_same(read_calibration(tmp_path).cameras, rig)
-
-
-@pytest.mark.parametrize(("bins", "rows", "resolution"), [(2, 1088, "540p"), (2, 1440, "720p"), (3, 1440, "480p")])
-@pytest.mark.parametrize("in_bins", [False, True])
-def test_qualisys_at_a_lower_resolution(bins, rows, resolution, in_bins, tmp_path):
-    sensor = a_rig(12, 5)
-    sensor.size[:] = 1920, rows
-    sensor.K[:, :2, 2] = (960, rows / 2)
-    small = replace(sensor, K=sensor.K.copy(), size=sensor.size // bins)
-    small.K[:, :2] /= bins
-    # The middle of a binned pixel is that of those it is made of.
-    small.K[:, :2, 2] += 0.5 / bins - 0.5
-    path = qualisys_sensors(tmp_path, sensor, resolution=resolution)
-    if in_bins:
-        right, bottom = small.size[0] - 1
-        path.write_text(re.sub(r'right="1919" bottom="\d+"', f'right="{right}" bottom="{bottom}"', path.read_text()))
-    assert_same(read_calibration(path).cameras, small)
-
-
-def test_qualisys_cropped_to_a_lower_resolution(tmp_path):
-    rig = a_rig(13, 5)
-    rig.size[:] = 1280, 720
-    path = qualisys_sensors(tmp_path, rig, resolution="720p", margin=184)
-    largest = '<fov_video_max left="184" top="184" right="1463" bottom="903"/>'
-    path.write_text(re.sub("<fov_video_max [^/]*/>", largest, path.read_text()))
-    assert_same(read_calibration(path).cameras, rig)
-
-
-@pytest.mark.parametrize(
-    ("rows", "resolution", "says"),
-    [(1088, "720p", "720p is neither the sensor's, 1080p, nor half"), (1088, "full", "'full' is none, such as 1080p")],
-)
-def test_qualisys_at_a_resolution_that_nothing_explains(rows, resolution, says, tmp_path):
-    rig = a_rig(14, 5)
-    rig.size[:] = 1920, rows
-    assert f"camera cam_1: video_resolution {says}" in refused(qualisys_sensors(tmp_path, rig, resolution=resolution))
-
-
-def test_qualisys_cameras_of_markers_and_hybrids_that_do_not_film_are_left_out(tmp_path):
-    rig = a_rig(15, 5)
-    rig.size[:] = 1920, 1088
-    path = qualisys_sensors(tmp_path, rig, ("Miqus Video", "Miqus Hybrid", "Miqus M3", "Miqus Hybrid"))
-    assert read_calibration(path).cameras.names == ("cam_1", "cam_2", "cam_10")
-    text = path.read_text()
-    path.write_text(re.sub(r'Hybrid"(.*?)1080p', r'Hybrid"\1N/A', text, count=1, flags=re.DOTALL))
-    assert read_calibration(path).cameras.names == ("cam_1", "cam_10")
-
-
-def test_qualisys_that_is_not_calibrated_and_parameters_without_it(tmp_path):
-    path = qualisys_sensors(tmp_path, a_rig(16, 5))
-    assert "calibrated = false; calibrate the cameras" in refused(
-        edited(path, 'calibrated="true"', 'calibrated="false"')
-    )
-    (tmp_path / "p.xml").write_text("<QTM_Parameters_Ver_1.25><General/></QTM_Parameters_Ver_1.25>")
-    assert "<QTM_Parameters_Ver_1.25> holds no element calibration" in refused(tmp_path / "p.xml")
-
-
-def test_theia_is_never_read_as_qualisys(tmp_path):
-    rig = a_rig(17, 5)
-    path = theia3d(tmp_path, rig)
-    # It may have a field of view too: then the sensor is of its size, and not 64 times as large.
-    (width, height), name = rig.size[0], 'viewrotation="0" static_boxes="">'
-    fov = f'<fov_video left="0" top="0" right="{width - 1}" bottom="{height - 1}"/>'
-    edited(path, name, name + fov)
-    assert_same(read_calibration(path).cameras, rig)
-    path.write_text(path.read_text().replace(f'sensorMaxU="{width}"', f'sensorMaxU="{64 * width}"', 1))
-    assert "counts only some sensors in pixels" in refused(path)
-    edited(theia3d(tmp_path, rig), 'centerPointU="', 'centerPointU="99')
-    assert "camera cam_1: the middle of its image, 99" in refused(path)
 
 
 @pytest.mark.parametrize("scale", [0.5, 0.998, 1.0, 40.0])
@@ -271,71 +187,6 @@ def test_a_camera_that_was_drawn_on_paper(name, tmp_path):
     np.testing.assert_allclose(u[0], [320, 370, 320], atol=1e-6)
     np.testing.assert_allclose(v[0], [240, 240, 190], atol=1e-6)
     np.testing.assert_allclose(depth, 3, atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("form", "file", "old", "new", "says"),
-    [
-        ("skeletool", "camera.calibration", "V1.0", "V2.0", "only version V1.0"),
-        ("skeletool", "camera.calibration", "animated    0", "animated    1", "camera cam_1: moves"),
-        ("skeletool", "camera.calibration", "radial      0", "radial  0.1", "camera cam_1: radial is not 0"),
-        ("skeletool", "camera.calibration", "radial      0", "affine 1 0 0", "camera cam_1: is a fisheye lens"),
-        ("skeletool", "camera.calibration", "  size ", "  sizes ", "camera cam_1: size is missing"),
-        ("skeletool", "camera.calibration", "name  ", "names  ", "before the first name"),
-        ("biocv", "cam_1.mp4-mocAligned.calib", "\n\n", " 7\n", "cam_1.mp4.* is no calibration of BioCV"),
-        ("middlebury", "temple_par.txt", "4\n", "5\n", "says '5' cameras but has 4"),
-        ("metashape", "cameras.xml", 'type="frame"', 'type="fisheye"', "cam_1: its sensor is of the type fisheye"),
-        ("metashape", "cameras.xml", "<k1>", "<k4>1</k4><k1>", "camera cam_1: its lens has k4"),
-        ("metashape", "cameras.xml", "<scale>0.37", "<scale>1e8", "camera cam_1: stands somewhere on the globe"),
-        ("opencv xml", "cam_1.xml", "<cols>3</cols>", "<cols>4</cols>", "'camera_matrix': claims 3 x 4 numbers"),
-        ("opencv xml", "cam_1.xml", "<rows>3</rows>", "<rows>x</rows>", "'camera_matrix': is no matrix"),
-        ("opencv xml", "cam_1.xml", "calibration_time", "fisheye_model", "cam_1: fisheye_model is 'Thu .*; give 1"),
-        ("opencv xml", "cam_1.xml", "translation_vectors", "place", "T or t or .* is missing; .*; there are .*place"),
-    ],
-)  # fmt: skip
-def test_a_file_that_is_none(form, file, old, new, says, tmp_path):
-    TEXT_FORMATS[form].write(tmp_path, a_rig(0, TEXT_FORMATS[form].coefficients))
-    path = tmp_path / file
-    if form == "opencv xml":
-        path.write_text(path.read_text().replace(old, new))
-    else:
-        edited(path, old, new)
-    assert re.search(says, refused(path, unit=TEXT_FORMATS[form].unit, sizes=None))
-
-
-def test_totalcapture_that_is_none(tmp_path):
-    path = totalcapture(tmp_path, a_rig(0, 1))
-    whole = path.read_text()
-    for old, new, says in (
-        ("4 1\n", "5 1\n", "claims 5 cameras, 7 lines each, but has 28"),
-        ("4 1\n", "4 9\n", "claims 4 cameras with 9 coefficients"),
-        ("\n0 ", "\n10 ", "camera cam1: bounds 10 .* are those of a part"),
-    ):
-        path.write_text(whole)
-        assert re.search(says, refused(edited(path, old, new)))
-
-
-def test_kalibr_with_lenses_that_are_not_read(tmp_path):
-    path = kalibr(tmp_path, a_rig(0, 4))
-    assert "camera cam0: is of the model omni with radtan" in refused(edited(path, "pinhole", "omni"))
-    assert "camera cam1: T_cn_cnm1 is missing" in refused(edited(kalibr(tmp_path, a_rig(0, 4)), "T_cn_cnm1", "T"))
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "says"),
-    [
-        ("notes.txt", b"bring cables\n", "is of no known format; these are read: TOML"),
-        ("notes.xml", b"<notes><a/></notes>", "is of no known format; these are read: TOML"),
-        ("camera.calibration", b"hello", "is of no known format; these are read: TOML"),
-        ("room.cal", bytes(range(256)), "calibrations of Motive before version 3.2 .* are binary"),
-        ("a.calib", b"tc camera calibration v0.3\n", "is a calibration of The Captury"),
-        ("room.mcal", b"\xff\xfe\x00", "is not text"),
-        ("room.mcal", "<calibrationProfile/>".encode("utf-16"), "holds no camera of a calibration by Motive"),
-    ],
-)
-def test_what_is_no_calibration_is_told_so(name, content, says, tmp_path):
-    (tmp_path / name).write_bytes(content)
-    assert re.search(says, refused(tmp_path / name))
 
 
 def test_a_calibration_is_known_by_what_it_holds(tmp_path):
