@@ -8,6 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 from calibration_files import FORMATS, Format, a_rig, sizes_of
+from calibration_files_text import NUMBERED_FORMATS, TEXT_FORMATS
 from exported import moving
 from filed import a_recording as a_clip
 from filed import some_poses
@@ -201,7 +202,7 @@ def _is_text(found: Any) -> None:
 
 
 READERS = {
-    **{name: _calibration(form) for name, form in FORMATS.items()},
+    **{name: _calibration(form) for name, form in (FORMATS | TEXT_FORMATS | NUMBERED_FORMATS).items()},
     "projections .npy": _matrices("P.npy"),
     "projections .txt": _matrices("P.txt"),
     "rig": Reader(_rig_file, read_calibration, is_a_rig),

@@ -140,7 +140,7 @@ def test_a_model_of_colmap_that_is_none(name, old, new, says, tmp_path):
     ("form", "file", "start", "new", "says"),
     [
         ("opencv", "cam_1.yml", "rvec:", "ropes: !!opencv-matrix", "camera cam_1: R or rotation_matrix .* is missing"),
-        ("opencv", "cam_1.yml", "rvec:", "R: 1\nrvec: !!opencv-matrix", "camera cam_1: R and rvec are both there"),
+        ("opencv", "cam_1.yml", "rvec:", "R: [0, 0, 0]\nrvec: !!opencv-matrix", "R and rvec are both there and differ"),
         ("opencv", "cam_1.yml", "calibration_time", "fisheye_model: 1", "camera cam_1: is a fisheye lens of 8"),
         ("opencv", "cam_1.yml", "image_width", "", "camera cam_1: image_height stands alone"),
         ("opencv", "cam_1.yml", "rows", "   rows: 4", "key 'camera_matrix': claims 4 x 3 numbers but holds 9"),

@@ -133,7 +133,9 @@ def _calibration(folder: Path, wanted: str | None) -> tuple[str, Contents, list[
 
 def _may_be_calibration(folder: Path) -> bool:
     """A folder is one where its files belong together."""
-    return any(file.name == "cameras.txt" or file.suffix in (".yml", ".yaml") for file in folder.iterdir())
+    names = [file.name.lower() for file in folder.iterdir()]
+    alike = (".yml", ".yaml", ".xml", ".json", ".calib")
+    return any(name == "cameras.txt" or name.endswith(alike) for name in names) or any(folder.glob("*/*.xml"))
 
 
 def _views(folder: Path, pattern: str | None, cameras: list[str]) -> tuple[ViewSet, list[ViewSet]]:

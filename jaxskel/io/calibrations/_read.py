@@ -5,21 +5,22 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from .._archive import fault, keys_of
-from . import _colmap, _easymocap
+from . import _biocv, _colmap, _easymocap
+from ._by_content import SUFFIXES, read_by_content
 from ._calibration import Calibration, Contents, validated
-from ._opencv import read_opencv
+from ._kalibr import is_kalibr, read_kalibr
+from ._opencv import camera_files, holds_camera, read_opencv
 from ._panoptic import read_panoptic
-from ._projections import read_projection_archive, read_projection_array, read_projection_text
-from ._qualisys import read_qualisys
+from ._projections import read_projection_archive, read_projection_array
 from ._sequence import read_sequence_calibration
-from ._text import read_text
 from ._toml import read_toml
-from ._vicon import read_vicon
 
 _PICKLES = (".pickle", ".pkl", ".p", ".joblib", ".pt", ".pth")
 _KNOWN = (
-    "TOML (Pose2Sim, Anipose, FreeMoCap, Caliscope), .yml (OpenCV, EasyMocap), .qca.txt (Qualisys), .xcp (Vicon), "
-    "cameras.txt with images.txt (COLMAP), .json (CMU Panoptic), .npz, .npy or .txt (projection matrices)"
+    "TOML (Pose2Sim, Anipose, FreeMoCap, Caliscope), .yml (OpenCV, EasyMocap, Kalibr), .xml (OpenCV, Metashape), "
+    ".qca.txt (Qualisys, Theia3D), .xcp (Vicon), .mcal (Motive), .calibration (Skeletool), .calib (BioCV), .cal "
+    "(TotalCapture), par.txt (Middlebury), cameras.txt with images.txt (COLMAP), .json (OpenCV, CMU Panoptic), .npz, "
+    ".npy or .txt (projection matrices)"
 )
 
 
@@ -28,15 +29,17 @@ def read_calibration(
 ) -> Calibration:
     """Read the calibration of a rig from a file or a folder of another tool's.
 
-    TOML of Pose2Sim, Anipose, FreeMoCap and Caliscope; OpenCV's YAML, a file or a folder with one a camera;
-    EasyMocap's `intri.yml` and `extri.yml`; Qualisys `.qca.txt`; Vicon `.xcp`; COLMAP's `cameras.txt` and
-    `images.txt`; CMU Panoptic's JSON; projection matrices 3 x 4 in `.npy`, `.npz` or `.txt`; and the calibration of
-    a sequence file. A pickle is never read.
+    TOML of Pose2Sim, Anipose, FreeMoCap and Caliscope; OpenCV's YAML, XML and JSON, a file or a folder with one a
+    camera; EasyMocap's `intri.yml` and `extri.yml`; Kalibr's `camchain.yaml`; Qualisys `.qca.txt` and what its
+    real-time protocol sends; Theia3D; Vicon `.xcp`; Motive `.mcal`; Metashape's XML; Skeletool; BioCV; TotalCapture;
+    Middlebury; COLMAP's `cameras.txt` and `images.txt`; CMU Panoptic's JSON; projection matrices 3 x 4 in `.npy`,
+    `.npz` or `.txt`; and the calibration of a sequence file. A pickle is never read.
 
     Args:
         path: The file, or the folder of files that belong together (or one of a pair).
-        unit: Metres per unit of the file. By default that of the format: millimetres for Qualisys and Vicon,
-            centimetres for Panoptic, metres elsewhere; COLMAP has no scale, so it must be given there.
+        unit: Metres per unit of the file. By default that of the format: millimetres for Qualisys, Theia3D, Vicon,
+            Skeletool and BioCV, centimetres for Panoptic, metres elsewhere; COLMAP, Middlebury and a Metashape chunk
+            without reference have no scale, so it must be given there.
         sizes: Width and height of each camera's images (px) by its name, for formats without them. Where the file
             has them too they must be the same.
 
@@ -66,18 +69,12 @@ def contents_of(path: Path) -> Contents:
     if suffix == ".toml":
         return read_toml(path)
     if suffix == ".json":
-        return read_panoptic(path)
+        return read_opencv(path) if holds_camera(path) else read_panoptic(path)
     if suffix in (".yml", ".yaml"):
-        return read_opencv(path)
-    if suffix == ".xcp":
-        return read_vicon(path)
-    if name.endswith(".qca.txt"):
-        return read_qualisys(path)
-    if suffix in (".txt", ".xml"):
-        start = read_text(path).lstrip()
-        if not start.startswith("<"):
-            return read_projection_text(path)
-        return read_vicon(path) if "<Cameras" in start else read_qualisys(path)
+        return read_kalibr(path) if is_kalibr(path) else read_opencv(path)
+    contents = read_by_content(path) if suffix in SUFFIXES else None
+    if contents is not None:
+        return contents
     raise fault(path, None, f"is of no known format; these are read: {_KNOWN}")
 
 
@@ -95,6 +92,8 @@ def _of_folder(path: Path) -> Contents:
         return found[0](path)
     if "cameras.bin" in names:
         raise fault(path, None, "is a binary COLMAP model; run colmap model_converter --output_type TXT first")
-    if any(file.lower().endswith((".yml", ".yaml")) for file in names):
+    if any(file.lower().endswith(_biocv.SUFFIX) for file in names):
+        return _biocv.read_biocv(path)
+    if camera_files(path):
         return read_opencv(path)
     raise fault(path, None, f"is a folder without a calibration; these are read: {_KNOWN}")
