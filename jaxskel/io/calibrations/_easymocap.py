@@ -40,9 +40,7 @@ def read_easymocap(folder: Path) -> Contents:
 
 def _names(path: Path, intri: dict[str, Value]) -> list[str]:
     names = intri.get("names")
-    if names is None:
-        names = [key.removeprefix("K_") for key in intri if key.startswith("K_")]
-    if not isinstance(names, list) or not names:
+    if not isinstance(names, list):
         raise fault(path, "names", "is missing or no list; give the names of the cameras")
     # EasyMocap reads a number without quotes as a whole one.
     texts = [name if isinstance(name, str) else f"{name:.0f}" for name in names]

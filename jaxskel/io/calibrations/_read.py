@@ -99,14 +99,16 @@ def _of_folder(path: Path) -> Contents:
         names = {file.name for file in path.iterdir()}
     except OSError as error:
         raise fault(path, None, f"cannot be opened ({error.strerror}); check the path") from None
-    found = [reader for pair, reader in (
-        (_easymocap.PAIR, _easymocap.read_easymocap), (_colmap.PAIR, _colmap.read_colmap),
-        (_mvhumannet.PAIR, _mvhumannet.read_mvhumannet),
-    ) if names >= set(pair)]  # fmt: skip
+    pairs = {
+        "EasyMocap": (_easymocap.PAIR, _easymocap.read_easymocap),
+        "COLMAP": (_colmap.PAIR, _colmap.read_colmap),
+        "MVHumanNet": (_mvhumannet.PAIR, _mvhumannet.read_mvhumannet),
+    }
+    found = {tool: read for tool, (pair, read) in pairs.items() if names >= set(pair)}
     if len(found) > 1:
-        raise fault(path, None, "holds calibrations of several: EasyMocap, COLMAP, MVHumanNet; give one of the files")
+        raise fault(path, None, f"holds the calibrations of {' and of '.join(found)}; give one of the files")
     if found:
-        return found[0](path)
+        return next(iter(found.values()))(path)
     if "cameras.bin" in names:
         raise fault(path, None, "is a binary COLMAP model; run colmap model_converter --output_type TXT first")
     if any(file.lower().endswith((".yml", ".yaml")) for file in names):

@@ -29,8 +29,9 @@ def read_toml(path: Path) -> Contents:
     FreeMoCap writes down how long a square of its board is, in the unit of the file: more than one is millimetres. Its
     second version always has millimetres, and says ``aligned`` where Z is up. Anipose and Caliscope do not state a
     unit: metres are taken. Cameras come in the order of their tables' names, cam_2 before cam_10, and those that
-    Caliscope ignores are left out, as are cameras without a rotation or a translation, for which Caliscope has
-    "null". Its ``rotation_count`` says how an image is shown; the calibration is that of the image as recorded.
+    Caliscope ignores are left out, as are cameras that were not posed: without rotation and translation, or with
+    Caliscope's "null" for them. Its ``rotation_count`` says how an image is shown; the calibration is that of the
+    image as recorded.
     """
     table = parse_toml(path, read_text(path, _MAX_BYTES), "export the calibration again")
     nested = table.get("cameras")
@@ -43,10 +44,11 @@ def read_toml(path: Path) -> Contents:
     entries, unposed = [], []
     for key in sorted(found, key=natural_order):
         name = _name(path, f"cam_{key}" if is_caliscope else key, found[key])
-        if all(found[key].get(part, _NULL) != _NULL for part in ("rotation", "translation")):
-            entries.append(_entry(path, name, found[key]))
-        else:
+        pose = [found[key].get(part) for part in ("rotation", "translation")]
+        if _NULL in pose or pose == [None, None]:
             unposed.append(name)
+        else:
+            entries.append(_entry(path, name, found[key]))
     kind, unit, up = _kind(path, table, is_caliscope, entries)
     return Contents(kind, entries, unit, up, unposed=tuple(unposed))
 
