@@ -48,6 +48,8 @@ def propose_recording(
         doubts.append(f"views and cameras have no names in common: taken in order, {_pairs(cameras)}")
     rate = fps if fps is not None else _rate(folder, frames)
     up = contents.up
+    if contents.unposed:
+        doubts.append(f"{source}: {', '.join(contents.unposed)} without a pose, left out")
     if up is None:
         doubts.append(f"{source} does not say which axis points up: +Z is written")
     lines = ["# Written by `jaxskel init`. What it had to choose says so; `jaxskel check` draws what comes of it.", ""]
