@@ -189,3 +189,8 @@ def opencv_json(folder: Path, rig: "Rig") -> Path:
         file.write("T", rig.t[i][:, None])
         file.release()
     return folder
+
+
+def projections(folder: Path, rig: "Rig") -> Path:
+    matrices = {name: (rig.K[i] @ whole(rig.R[i], rig.t[i])[:3] / 7).tolist() for i, name in enumerate(rig.names)}
+    return saved(folder / "P.json", {name: {"P": P} if i % 2 else P for i, (name, P) in enumerate(matrices.items())})

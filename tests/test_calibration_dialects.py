@@ -3,12 +3,14 @@
 import re
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from calibration_files import FORMATS, a_rig, easymocap, easymocap_with_size, sizes_of
 from test_calibration_refusals import refused
 
-from jaxskel.io import choose_views, read_calibration
+from jaxskel.io import choose_views, read_calibration, read_recording
+from jaxskel.io.proposals import propose_recording
 
 RIG = a_rig(20, 5)
 SIZES = sizes_of(RIG)
@@ -38,6 +40,19 @@ def test_a_camera_that_was_not_posed_is_left_out_where_no_view_wants_it(form, nu
     told = refused(path, sizes={name: size for name, size in SIZES.items() if name in ("cam_1", "cam_2")})
     assert "camera cam_1: was not posed" in told
     assert ("ignore = true" in told) is (form == "caliscope")
+
+
+def test_init_says_which_camera_was_not_posed(tmp_path):
+    path = FORMATS["caliscope"].write(tmp_path, RIG)
+    rewritten(path, r"^(rotation|translation) = .*", r'\1 = "null"', count=2)
+    for name, (width, height) in list(SIZES.items())[1:]:
+        (tmp_path / "masks" / name).mkdir(parents=True)
+        cv2.imwrite(str(tmp_path / "masks" / name / "0.png"), np.eye(height, width, dtype=np.uint8) * 255)
+    proposal = propose_recording(tmp_path, fps=25.0)
+    assert "camera_array.toml: cam_1 without a pose, left out" in proposal.doubts
+    (tmp_path / "recording.toml").write_text(proposal.text.replace("[views.cam_2]", "[views.cam_1]"))
+    with pytest.raises(ValueError, match="camera cam_1: was not posed"):
+        read_recording(tmp_path)
 
 
 def test_a_rig_of_which_no_camera_was_posed(tmp_path):

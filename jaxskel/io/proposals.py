@@ -55,7 +55,7 @@ def propose_recording(
     lines = ["# Written by `jaxskel init`. What it had to choose says so; `jaxskel check` draws what comes of it.", ""]
     lines += [f"fps = {rate:.10g}", f"calibration = {_quoted(source)}"]
     if contents.unit is None:
-        doubts.append(f"{source} has no scale: unit = 1 is written")
+        doubts.append(f"{source} has no scale, unit = 1 is written: {contents.scale_is}")
         lines += ["unit = 1.0  # CHECK: metres per unit of the calibration, which has no scale"]
     lines += [f'up = "{up}"' if up is not None else 'up = "+Z"  # CHECK: the calibration does not say it']
     spans = [view.span for view in frames.values()]

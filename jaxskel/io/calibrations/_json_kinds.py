@@ -7,6 +7,7 @@ from . import _anipose_json, _calibio, _multical, _nerf, _open3d, _panoptic, _vo
 from ._calibration import Contents
 from ._direction import check_direction
 from ._json import check_count, read_json
+from ._projections import matrices_in, read_projection_table
 from ._written_json import cameras_in, read_written
 
 # The most files of one camera each that a folder holds.
@@ -37,7 +38,8 @@ def read_json_file(path: Path) -> Contents | None:
     else:
         cameras = cameras_in(path, table)
         if not cameras:
-            return None
+            matrices = matrices_in(table)
+            return read_projection_table(path, matrices) if matrices else None
         contents = read_written(path, table, cameras)
     check_direction(path, contents)
     return contents

@@ -20,7 +20,7 @@ _PICKLES = (".pickle", ".pkl", ".p", ".joblib", ".pt", ".pth")
 _KNOWN = (
     "TOML (Pose2Sim, Anipose, FreeMoCap, Caliscope), .yml (OpenCV, EasyMocap), .qca.txt (Qualisys), .xcp (Vicon), "
     "cameras.txt with images.txt (COLMAP), .json (CMU Panoptic, VoxelPose, multical, calib.io, Open3D, AIST++, "
-    "MVHumanNet, nerfstudio, or K, R and t by their names), .npz, .npy or .txt (projection matrices)"
+    "MVHumanNet, nerfstudio, or K, R and t by their names), .npz, .npy, .txt or .json (projection matrices)"
 )
 
 
@@ -33,8 +33,8 @@ def read_calibration(
     EasyMocap's `intri.yml` and `extri.yml`; Qualisys `.qca.txt`; Vicon `.xcp`; COLMAP's `cameras.txt` and
     `images.txt`; JSON of CMU Panoptic, VoxelPose (Campus, Shelf), multical, calib.io, Open3D, AIST++, MVHumanNet
     (`camera_intrinsics.json` and `camera_extrinsics.json`), nerfstudio and instant-ngp, or written by hand (K, R and
-    t, a camera an object or a file); projection matrices 3 x 4 in `.npy`, `.npz` or `.txt`; and the calibration of a
-    sequence file. A pickle is never read. Cameras that a file has without a pose are left out.
+    t, a camera an object or a file); projection matrices 3 x 4 in `.npy`, `.npz`, `.txt` or JSON; and the calibration
+    of a sequence file. A pickle is never read. Cameras that a file has without a pose are left out.
 
     Args:
         path: The file, or the folder of files that belong together (or one of a pair).
