@@ -257,7 +257,6 @@ FORMATS = {
     "nerfstudio": Format(in_json.nerfstudio, 5, "nerfstudio JSON", None, unit=0.37),
     "by hand": Format(in_json.by_hand, 8, "JSON (K, R, t)", None),
     "xrprimer": Format(in_json.xrprimer, 8, "JSON (K, R, t)", None),
-    "opencv in JSON": Format(in_json.opencv_json, 8, "JSON (K, R, t)", None),
     "projections in JSON": Format(in_json.projections, 0, "projection matrices", None, has_size=False),
     "projections": Format(projections, 0, "projection matrices", None, has_size=False),
 }

@@ -1,6 +1,7 @@
 """Calibrations in JSON as their tools write them, or people by hand, made from a rig without the package."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,12 @@ _OPENGL = np.diag([1.0, -1.0, -1.0])
 def saved(path: Path, table: Any) -> Path:
     path.write_text(json.dumps(table))
     return path
+
+
+def changed_file(path: Path, change: Callable[[Any], Any]) -> Path:
+    table = json.loads(path.read_text())
+    change(table)
+    return saved(path, table)
 
 
 def rotation_vector(R: np.ndarray) -> list[float]:
@@ -174,20 +181,6 @@ def xrprimer(folder: Path, rig: "Rig") -> Path:
             "extrinsic_r": R.tolist(), "extrinsic_t": t.tolist(), "height": height, "width": width,
             "intrinsic": whole(rig.K[i], np.zeros(3)).tolist(),
         })  # fmt: skip
-    return folder
-
-
-def opencv_json(folder: Path, rig: "Rig") -> Path:
-    """A file a camera, by cv2.FileStorage."""
-    for i, name in enumerate(rig.names):
-        file = cv2.FileStorage(str(folder / f"{name}.json"), cv2.FILE_STORAGE_WRITE)
-        file.write("image_width", int(rig.size[i, 0]))
-        file.write("image_height", int(rig.size[i, 1]))
-        file.write("camera_matrix", rig.K[i])
-        file.write("distortion_coefficients", rig.dist[i][:, None])
-        file.write("R", rig.R[i])
-        file.write("T", rig.t[i][:, None])
-        file.release()
     return folder
 
 

@@ -13,7 +13,7 @@ from test_fuzz import outcome
 
 IN_JSON = (
     "panoptic", "voxelpose", "multical", "calib.io", "open3d", "open3d trajectory", "anipose in JSON", "aist",
-    "nerfstudio", "by hand", "xrprimer", "opencv in JSON", "mvhumannet", "projections in JSON",
+    "nerfstudio", "by hand", "xrprimer", "mvhumannet", "projections in JSON",
 )  # fmt: skip
 ODD = [None, True, False, 0, -1, 1e308, 10**30, 10**400, float("nan"), float("-inf"), "", "x", "null", [], {}, [[]],
        [None], [True] * 9, ["1"] * 9, {"data": []}, {"data": {"data": 1}}, {"R": [], "t": {}}, [0] * 3, [0] * 4,
