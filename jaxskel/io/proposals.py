@@ -48,12 +48,14 @@ def propose_recording(
         doubts.append(f"views and cameras have no names in common: taken in order, {_pairs(cameras)}")
     rate = fps if fps is not None else _rate(folder, frames)
     up = contents.up
+    if contents.unposed:
+        doubts.append(f"{source}: {', '.join(contents.unposed)} without a pose, left out")
     if up is None:
         doubts.append(f"{source} does not say which axis points up: +Z is written")
     lines = ["# Written by `jaxskel init`. What it had to choose says so; `jaxskel check` draws what comes of it.", ""]
     lines += [f"fps = {rate:.10g}", f"calibration = {_quoted(source)}"]
     if contents.unit is None:
-        doubts.append(f"{source} has no scale: unit = 1 is written")
+        doubts.append(f"{source} has no scale, unit = 1 is written: {contents.scale_is}")
         lines += ["unit = 1.0  # CHECK: metres per unit of the calibration, which has no scale"]
     lines += [f'up = "{up}"' if up is not None else 'up = "+Z"  # CHECK: the calibration does not say it']
     spans = [view.span for view in frames.values()]

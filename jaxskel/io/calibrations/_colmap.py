@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator
 from itertools import islice
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from ..._lens import COEFFICIENTS, FISHEYE_COEFFICIENTS
 from .._archive import fault
 from ._calibration import CameraEntry, Contents, camera_fault
+from ._image_files import names_of_images
 from ._text import from_quaternion, read_text, split_numbers, to_number
 
 PAIR = ("cameras.txt", "images.txt")
@@ -45,7 +46,7 @@ def read_colmap(folder: Path) -> Contents:
     lenses = _lenses(folder / PAIR[0])
     path = folder / PAIR[1]
     poses = _poses(path)
-    names = _names(path, [pose[9] for pose in poses])
+    names = names_of_images(path, [pose[9] for pose in poses])
     entries = []
     for name, pose in zip(names, poses, strict=True):
         if pose[8] not in lenses:
@@ -109,17 +110,3 @@ def _poses(path: Path) -> list[list[str]]:
         elif count % 3:
             raise fault(path, None, f"is cut off: {line[:60]!r}; export the model again")
     return found
-
-
-def _names(path: Path, files: list[str]) -> list[str]:
-    paths = [PurePosixPath(file.strip().replace("\\", "/")) for file in files]
-    stems, folders = [p.stem for p in paths], [p.parent.name for p in paths]
-    for names in (stems, folders):
-        if len(set(names)) == len(names) and all(names):
-            return names
-    raise fault(
-        path,
-        None,
-        "holds several images of one camera; export a model with one image a camera, named after it (cam1.png or "
-        "cam1/0001.png)",
-    )
