@@ -11,6 +11,7 @@ import numpy as np
 
 from .._files import written_whole
 from .._poses import Poses
+from ._bounded import read_bounded
 from .markers import Markers, to_markers, with_up
 
 _KEYS = (
@@ -83,11 +84,8 @@ def read_trc(path: str | Path, *, up: str = "+Y") -> Markers:
         ValueError: One line that names the file and the line.
     """
     path = Path(path)
-    if not path.is_file():
-        raise ValueError(f"{path}: no such file")
-    if path.stat().st_size > _MOST_BYTES:
-        raise ValueError(f"{path}: {path.stat().st_size} bytes are more than a recording has")
-    return parse_trc(path.read_bytes().decode("latin-1"), up=up, name=str(path))
+    text = read_bounded(path, _MOST_BYTES, "a recording").decode("latin-1")
+    return parse_trc(text, up=up, name=str(path))
 
 
 def parse_trc(text: str, *, up: str = "+Y", name: str = "TRC") -> Markers:
