@@ -12,8 +12,12 @@ _TRIALS = 4
 
 
 @contextmanager
-def written_whole(path: Path) -> Iterator[IO[bytes]]:
+def written_whole(path: Path, mode: int = 0o666) -> Iterator[IO[bytes]]:
     """Open a file for writing that appears under its name only once it is complete.
+
+    Args:
+        path: The file; its folder is made where it is missing.
+        mode: Who may read and write it, but for what the user's umask takes away.
 
     Raises:
         ValueError: There is something else than a file under this name.
@@ -23,7 +27,7 @@ def written_whole(path: Path) -> Iterator[IO[bytes]]:
     path.parent.mkdir(parents=True, exist_ok=True)
     unfinished = _unfinished(path)
     try:
-        with open(unfinished, "wb") as file:
+        with open(unfinished, "wb", opener=lambda name, flags: os.open(name, flags, mode)) as file:
             yield file
         os.replace(unfinished, path)
     except OSError as error:

@@ -38,7 +38,9 @@ def texts(path: Path, arrays: dict[str, np.ndarray], key: str) -> list[str]:
             "".join(found).encode()  # halves of characters cannot be written to any file
             return found
     except (ValueError, SystemError):  # not a Unicode code point: NumPy raises either, by the number
-        raise fault(path, key, "holds what is no text (numbers beyond Unicode, or halves of characters); write the text again") from None
+        raise fault(
+            path, key, "holds what is no text (numbers beyond Unicode, or halves of characters); write the text again"
+        ) from None
     raise fault(path, key, f"{array.dtype} of shape {array.shape}; give text")
 
 
