@@ -34,9 +34,13 @@ def texts(path: Path, arrays: dict[str, np.ndarray], key: str) -> list[str]:
     array = arrays[key]
     try:
         if array.dtype.kind == "U" and array.ndim <= 1:
-            return [str(text) for text in array.reshape(-1)]
+            found = [str(text) for text in array.reshape(-1)]
+            "".join(found).encode()  # halves of characters cannot be written to any file
+            return found
     except (ValueError, SystemError):  # not a Unicode code point: NumPy raises either, by the number
-        raise fault(path, key, "holds what is no text (a number beyond Unicode); write the text again") from None
+        raise fault(
+            path, key, "holds what is no text (numbers beyond Unicode, or halves of characters); write the text again"
+        ) from None
     raise fault(path, key, f"{array.dtype} of shape {array.shape}; give text")
 
 

@@ -92,7 +92,7 @@ def read_bounded(path: Path, most: int, wanted: str) -> bytes:
             raise _unopened(path, error) from None
     # Some files of /proc look regular, but have nothing to read until something happens.
     if content is None:
-        raise fault(path, None, "has nothing to read yet, so it is no regular file; give the file itself")
+        raise fault(path, None, "has nothing to read yet, so it is no regular file; check the path")
     if len(content) > most:
         size = f"{most / 1e6:g} MB" if most >= 1e5 else f"{most} bytes"
         raise fault(path, None, f"is longer than {size}, too long for {wanted}; check the path")
@@ -109,7 +109,7 @@ def _at_once(path: str, flags: int) -> int:
 def _check_kind(path: Path, mode: int) -> None:
     if not stat.S_ISREG(mode):
         kind = next((name for is_kind, name in _KINDS if is_kind(mode)), "something else")
-        raise fault(path, None, f"is {kind}, no regular file; give the file itself")
+        raise fault(path, None, f"is {kind}, no regular file; check the path")
 
 
 def _unopened(path: Path, error: OSError | MemoryError) -> ValueError:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from .._files import written_whole
+from .._plain import plain
 from .._poses import Poses
 from ._bounded import read_bounded
 from .markers import Markers, to_markers, with_up
@@ -52,7 +53,7 @@ def write_trc(path: str | Path, poses: Poses, *, up: str = "+Y", millimetres: bo
               str(markers.frame_index[0]), frames)  # fmt: skip
     lines = [
         # A name with a line break or a tab would be taken for more of the header.
-        f"PathFileType\t4\t(X/Y/Z)\t{' '.join(path.name.split())}",
+        f"PathFileType\t4\t(X/Y/Z)\t{plain(' '.join(path.name.split()))}",
         "\t".join(_KEYS),
         "\t".join(values),
         "Frame#\tTime\t" + "".join(f"{name}\t\t\t" for name in markers.names),
