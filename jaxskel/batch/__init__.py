@@ -1,9 +1,11 @@
 """Many recordings: results that are whole or not there, and that are not computed twice."""
 
+from ._folders import ResultFolder as ResultFolder
 from ._manifest import Manifest as Manifest
 from ._manifest import Outcome as Outcome
 from ._manifest import read_manifest as read_manifest
 from ._method import Method as Method
+from ._names import SUMMARY_FILE as SUMMARY_FILE
 from ._one import finished_before as finished_before
 from ._one import reconstruct_one as reconstruct_one
 from ._places import check_places as check_places

@@ -8,7 +8,8 @@ from pathlib import Path
 from .._poses import Poses
 from ..io import write_poses
 from ..io._archive import fault
-from ..io.poses import is_written_here
+from ..io._ours import is_ours
+from ..io.inputs import holds_silhouettes
 from ._disk import remove_unfinished, to_disk
 from ._inputs import Input, read_inputs
 from ._journal import Journal, discard_journal
@@ -127,21 +128,21 @@ class ResultFolder:
         Raises:
             ValueError: Something is in the way.
         """
-        if not self._is_ready():
-            return
-        self.check()
-        self._set_aside()
-        self.path.mkdir(parents=True, exist_ok=True)
-        (self.path / MANIFEST_FILE).unlink(missing_ok=True)
-        to_disk(self.path)
-        for name in RESULT_FILES:
-            if (self._unfinished / name).exists():
-                os.replace(self._unfinished / name, self.path / name)
-        to_disk(self.path)
-        self.discard_journal()
-        for name in RESULT_FILES:
-            remove_unfinished(self._unfinished / name)
-        with suppress(OSError):  # something else is in it
+        if self._is_ready():
+            self.check()
+            self._set_aside()
+            # What led to it is not needed any more.
+            self.discard_journal()
+            for name in RESULT_FILES:
+                remove_unfinished(self._unfinished / name)
+            self.path.mkdir(parents=True, exist_ok=True)
+            (self.path / MANIFEST_FILE).unlink(missing_ok=True)
+            to_disk(self.path)
+            for name in RESULT_FILES:
+                if (self._unfinished / name).exists():
+                    os.replace(self._unfinished / name, self.path / name)
+            to_disk(self.path)
+        with suppress(OSError):  # there is something to go on with, or something else
             self._unfinished.rmdir()
 
     @property
@@ -195,7 +196,8 @@ class ResultFolder:
 
 
 def _is_own(file: Path) -> bool:
-    return not file.is_symlink() and is_written_here(file)
+    """Whether a file with the name of poses holds poses; a recording is somebody's, whatever else is in it."""
+    return not file.is_symlink() and is_ours(file) and not (file.suffix == ".npz" and holds_silhouettes(file))
 
 
 def _readable(folder: Path) -> Manifest | None:

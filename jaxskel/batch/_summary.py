@@ -66,12 +66,7 @@ def check_summary(path: Path) -> None:
 
 
 def write_summary(path: Path, rows: Iterable[tuple[str, ...]]) -> None:
-    """Write the table as CSV.
-
-    Raises:
-        ValueError: Another file is there.
-    """
-    check_summary(path)
+    """Write the table as CSV."""
     with written_whole(path) as file, io.TextIOWrapper(file, "utf-8", errors="surrogateescape", newline="") as text:
         table = csv.writer(text, lineterminator="\n")
         table.writerow(COLUMNS)

@@ -7,7 +7,16 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from ..batch import COLUMNS, Outcome, check_summary, read_results, summary_row, write_summary
+from ..batch import (
+    COLUMNS,
+    SUMMARY_FILE,
+    Outcome,
+    ResultFolder,
+    check_summary,
+    read_results,
+    summary_row,
+    write_summary,
+)
 from ._run import check_output_file
 from ._say import cell, say
 
@@ -17,10 +26,11 @@ def summary(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="CSV file to write.")] = None,
 ) -> None:
     """Tabulate frames, failures, speed and confidence of all recordings; write them as CSV."""
-    output = folder / "summary.csv" if output is None else output
-    check_output_file(output)
-    check_summary(output)
     found = read_results(folder)
+    if output is None:
+        output = folder / SUMMARY_FILE
+        check_summary(output)
+    check_output_file(output, [file for name in found for file in ResultFolder(folder, name).files])
     rows = [summary_row(name, manifest) for name, manifest in found.items()]
     shown = len(COLUMNS) - 1  # not where the recording lies
     table = Table()

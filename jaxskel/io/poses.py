@@ -11,13 +11,8 @@ from .._files import written_whole
 from .._poses import STATUS_NAMES, WITH_POSE, Poses
 from .._recording import Truth
 from .._skeleton import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES
-from ._archive import fault, keys_of, numbers, read_arrays
-from ._bounded import open_regular
+from ._archive import fault, numbers, read_arrays
 from .sequence_file import check_names, frame_numbers, frame_rate, truth, up_axis
-
-_REQUIRED = ("joints", "tips", "confidence", "side_confidence", "status", "fps", "up", "frame_index")
-_NAMES = ("joint_names", "tip_names", "status_names")
-_FIRST_COLUMNS = ("frame_index", "time_s", "status")
 
 
 def write_poses(folder: str | Path, poses: Poses) -> tuple[Path, Path]:
@@ -49,7 +44,7 @@ def write_table(path: str | Path, poses: Poses) -> Path:
     with written_whole(path) as file, io.TextIOWrapper(file, "utf-8", newline="") as text:
         rows = csv.writer(text, lineterminator="\n")
         rows.writerow(
-            [*_FIRST_COLUMNS]
+            ["frame_index", "time_s", "status"]
             + [f"{joint}_{axis}" for joint in JOINT_NAMES for axis in "xyz"]
             + [f"{joint}_confidence" for joint in JOINT_NAMES]
         )
@@ -63,18 +58,6 @@ def write_table(path: str | Path, poses: Poses) -> Path:
     return path
 
 
-def is_written_here(path: Path) -> bool:
-    """Whether a `poses.npz` or a `poses.csv` is one that [`write_poses`][] wrote, by its arrays or columns."""
-    try:
-        if path.suffix == ".csv":
-            start = ",".join(_FIRST_COLUMNS).encode() + b","
-            with open_regular(path) as file:
-                return file.read(len(start)) == start
-        return set(_REQUIRED) <= set(keys_of(path)) <= {*_REQUIRED, *_NAMES, "joint_parents"}
-    except (ValueError, OSError):
-        return False
-
-
 def read_poses(path: str | Path) -> Poses:
     """Read a `poses.npz` that [`write_poses`][] wrote.
 
@@ -82,7 +65,11 @@ def read_poses(path: str | Path) -> Poses:
         ValueError: One line that names the file, the key and how to mend it.
     """
     path = Path(path)
-    arrays = read_arrays(path, _REQUIRED, _NAMES)
+    arrays = read_arrays(
+        path,
+        required=("joints", "tips", "confidence", "side_confidence", "status", "fps", "up", "frame_index"),
+        optional=("joint_names", "tip_names", "status_names"),
+    )
     for key, names in (
         ("joint_names", JOINT_NAMES),
         ("tip_names", TIP_NAMES),
