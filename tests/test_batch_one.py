@@ -6,48 +6,25 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from faked_batch import Killed, fake, faked_source
 from filelock import FileLock
 from test_folders import write_folder
-from test_journal import some_poses, some_track
+from test_journal import some_poses
 
 from jaxskel import Settings, Status
 from jaxskel.batch import Method, Outcome, Source, _manifest, _reading, read_manifest, read_results, reconstruct_one
 from jaxskel.batch import _one as one
 from jaxskel.batch._folders import ResultFolder
 from jaxskel.batch._one import finished_before
-from jaxskel.io import read_poses, write_recording
-from jaxskel.synthetic import camera_ring, make_scene
+from jaxskel.io import read_poses
 
 METHOD = Method()
 
 
-class Killed(BaseException):
-    """As if the process ended here: nothing of the package handles it."""
-
-
-@pytest.fixture(scope="module")
-def scene():
-    return make_scene(70, cameras=camera_ring(3, size=(64, 48)))
-
-
 @pytest.fixture
-def place(tmp_path, scene, monkeypatch):
+def place(tmp_path, monkeypatch):
     """A recording of 70 frames whose poses are random numbers, told by their place; and a folder for the result."""
-    write_recording(tmp_path / "walk.npz", scene)
-    batches = []
-
-    def fake(first, track, recording, settings, prepared):
-        for start in range(first, len(recording), 32):
-            assert (None if start == 0 else start) == (track and track.since)
-            batches.append(start)
-            count = min(32, len(recording) - start)
-            track = some_track(start + count)
-            poses = some_poses(start, count)
-            yield replace(poses, status=poses.status * 0, tips=np.ones_like(poses.tips)), track
-
-    monkeypatch.setattr(one, "prepare", lambda recording, settings: None)
-    monkeypatch.setattr(one, "batches_from", fake)
-    return Source("walk", tmp_path / "walk.npz"), tmp_path / "out", batches
+    return faked_source(tmp_path), tmp_path / "out", fake(monkeypatch)
 
 
 def test_done_once(place):
