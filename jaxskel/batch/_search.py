@@ -79,7 +79,7 @@ def _walk(folder: Path) -> Iterator[tuple[str, Path, bool]]:
                 if entry.name.startswith("."):
                     continue
                 found = f"{name}/{entry.name}" if name else entry.name, place / entry.name
-                if not entry.is_dir():
+                if not os.path.isdir(entry):
                     yield *found, False
                 else:
                     (links if entry.is_symlink() else here).append(found)
