@@ -1,5 +1,6 @@
 """Which recordings a batch is made of, and where each one's result goes."""
 
+import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -42,7 +43,7 @@ def find_sources(inputs: Iterable[str | Path]) -> list[Source]:
         for source in _below(str(each), ()):
             check_name(source.path, source.name)
             same = found.setdefault(source.name, source)
-            if same.path.absolute() != source.path.absolute():
+            if os.path.realpath(same.path) != os.path.realpath(source.path):
                 raise ValueError(
                     f"{source.path}: its result would be {source.name}, as that of {same.path}; give a folder that "
                     "holds both, and they are named by their places in it"
