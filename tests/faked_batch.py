@@ -1,12 +1,14 @@
 """A recording whose poses are random numbers instead of a reconstruction: for tests of what is around one."""
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 from test_journal import some_poses, some_track
 
+from jaxskel import Recording
 from jaxskel.batch import Source
 from jaxskel.batch import _one as one
 from jaxskel.io import write_recording
@@ -17,8 +19,9 @@ class Killed(BaseException):
     """As if the process ended here: nothing of the package handles it."""
 
 
-def write_walk(path: Path) -> None:
-    write_recording(path, make_scene(70, cameras=camera_ring(3, size=(64, 48))))
+@cache
+def _walk() -> Recording:
+    return make_scene(70, cameras=camera_ring(3, size=(64, 48)))
 
 
 def fake(patch: pytest.MonkeyPatch) -> list[int]:
@@ -40,5 +43,5 @@ def fake(patch: pytest.MonkeyPatch) -> list[int]:
 
 
 def faked_source(folder: Path, name: str = "walk") -> Source:
-    write_walk(folder / f"{name}.npz")
+    write_recording(folder / f"{name}.npz", _walk())
     return Source(name, folder / f"{name}.npz")

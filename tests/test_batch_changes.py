@@ -276,29 +276,3 @@ def test_a_report_of_somebody_else_is_not_overwritten(place, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(one, "prepare", lambda *_: [][0])
         assert reconstruct_one(source, output, METHOD) == read_manifest(output / "walk.failed.json")
-
-
-def test_inputs_that_are_no_regular_files_are_refused_and_not_read(tmp_path, monkeypatch):
-    fake(monkeypatch)
-    root = write_folder(_made(tmp_path / "r"))
-    others = {"zero": "/dev/zero", "fifo": root / "fifo", "link": root / "link"}
-    os.mkfifo(root / "fifo")
-    (root / "link").symlink_to("fifo")
-    for name, target in others.items():
-        described = (root / "recording.toml").read_text().replace("calibration.toml", str(target))
-        other = _made(tmp_path / name)
-        shutil.copytree(root / "masks", other / "masks")
-        (other / "recording.toml").write_text(described)
-        found = reconstruct_one(Source(name, other), tmp_path / "out", METHOD)
-        assert found.problem is not None
-        assert str(target) in found.problem
-        assert "no regular file" in found.problem
-    for name in (FIRST, "recording.toml", "calibration.toml"):
-        (root / name).unlink()
-        os.mkfifo(root / name)
-        found = reconstruct_one(Source("r", root), tmp_path / "out", METHOD)
-        assert found.outcome is Outcome.FAILED
-        assert "\n" not in str(found.problem)
-    os.mkfifo(tmp_path / "x.npz")
-    found = reconstruct_one(Source("x", tmp_path / "x.npz"), tmp_path / "out", METHOD)
-    assert "no regular file" in str(found.problem)

@@ -231,3 +231,31 @@ def test_impossible_filters_are_refused(place, hertz):
     source, output, _ = place
     found = reconstruct_one(source, output, Method(smooth_hz=hertz))
     assert f"a cutoff of {hertz:g} Hz; give one between 0 and 2.5 Hz" in str(found.problem)
+
+
+def test_inputs_that_are_no_regular_files_are_refused_and_not_read(tmp_path, monkeypatch):
+    fake(monkeypatch)
+    (tmp_path / "r").mkdir()
+    root = write_folder(tmp_path / "r")
+    others = {"zero": "/dev/zero", "fifo": root / "fifo", "link": root / "link"}
+    os.mkfifo(root / "fifo")
+    (root / "link").symlink_to("fifo")
+    for name, target in others.items():
+        described = (root / "recording.toml").read_text().replace("calibration.toml", str(target))
+        other = tmp_path / name
+        other.mkdir()
+        shutil.copytree(root / "masks", other / "masks")
+        (other / "recording.toml").write_text(described)
+        found = reconstruct_one(Source(name, other), tmp_path / "out", METHOD)
+        assert found.problem is not None
+        assert str(target) in found.problem
+        assert "no regular file" in found.problem
+    for name in ("masks/front/000000.png", "recording.toml", "calibration.toml"):
+        (root / name).unlink()
+        os.mkfifo(root / name)
+        found = reconstruct_one(Source("r", root), tmp_path / "out", METHOD)
+        assert found.outcome is Outcome.FAILED
+        assert "\n" not in str(found.problem)
+    os.mkfifo(tmp_path / "x.npz")
+    found = reconstruct_one(Source("x", tmp_path / "x.npz"), tmp_path / "out", METHOD)
+    assert "no regular file" in str(found.problem)

@@ -75,6 +75,8 @@ class ResultFolder:
         for folder in (self.path, self._unfinished, self._unfinished / "journal"):
             if folder.is_symlink():
                 raise fault(folder, None, "is a link, but a result has a folder of its own; move it away")
+        if self.path.exists() and self.path.stat().st_dev != self.path.parent.stat().st_dev:
+            raise fault(self.path, None, "is a disk of its own, into which no file can be moved; choose another output")
         # Where there is a manifest, files that it does not tell of are set aside and not replaced.
         is_pose_file = _is_own if _readable(self.path) is None else Path.is_file
         checks = dict.fromkeys(POSES_FILES, is_pose_file) | {MANIFEST_FILE: is_manifest}

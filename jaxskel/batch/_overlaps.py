@@ -71,15 +71,24 @@ class _Places:
 
     def __init__(self) -> None:
         self._keys: dict[str, _Key] = {}
+        self._real: dict[str, str] = {}
 
     def key(self, path: Path) -> _Key:
-        return self._of(os.path.realpath(path))
+        return self._of(self._resolved(path))
 
     def chain(self, path: Path) -> Iterator[_Key]:
         """Of a path and of all folders that it lies in, from the inside."""
-        place = Path(os.path.realpath(path))
+        place = Path(self._resolved(path))
         for each in (place, *place.parents):
             yield self._of(str(each))
+
+    def _resolved(self, path: Path) -> str:
+        """The real path; that of a folder is looked up once for all that is in it."""
+        folder = str(path.parent)
+        if folder not in self._real:
+            self._real[folder] = os.path.realpath(folder)
+        place = os.path.join(self._real[folder], path.name)
+        return os.path.realpath(place) if path.name == ".." or os.path.islink(place) else place
 
     def _of(self, real: str) -> _Key:
         if real not in self._keys:
