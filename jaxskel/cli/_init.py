@@ -5,9 +5,10 @@ from typing import Annotated
 
 import typer
 
-from .._files import written_whole
+from .._files import check_writable, written_whole
 from ..io.folders import RECORDING_FILE
 from ..io.proposals import propose_recording
+from ._say import say
 
 
 def init(
@@ -28,9 +29,10 @@ def init(
         raise ValueError(f"{path}: is there already; edit it, or write it anew by --force")
     if fps is not None and not 0 < fps < 1e6:
         raise ValueError(f"--fps {fps:g}: give a positive number of frames per second")
+    check_writable(path)
     proposal = propose_recording(folder, views, calibration, fps)
     with written_whole(path) as file:
         file.write(proposal.text.encode())
     for doubt in proposal.doubts:
-        print(f"check: {doubt}")
-    print(f"{path}: {proposal.text.count('[views.')} views; next: jaxskel check {folder}")
+        say(f"check: {doubt}")
+    say(f"{path}: {proposal.text.count('[views.')} views; next: jaxskel check {folder}")
