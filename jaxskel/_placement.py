@@ -16,8 +16,8 @@ _COARSEST = 0.045  # but not larger than this, or hands and forearms fall betwee
 _REACH = 1.5  # no part of a person is farther from the middle of the body (m)
 _MARGIN = 0.12  # around what the coarse hulls occupy (m)
 _SAMPLED_MARGIN = 0.25  # the same where frames in between were not looked at (m)
-# Where pixels are large, feet and hands fall between them: in a coarse hull they are missing, or lumps by themselves, and
-# in a fine one they are there. Of drawn scenes of 48 to 96 px height up to five pixels of a limb are lost so.
+# Where pixels are large, feet and hands fall between them: in a coarse hull they are missing, or lumps by themselves,
+# and in a fine one they are there. Of drawn scenes of 48 to 96 px height up to five pixels of a limb are lost so.
 _MARGIN_PIXELS = 6
 _MAX_FRAMES = 96
 _LEAST_VOLUME = 0.004  # smaller lumps are noise, not people (m^3)
