@@ -55,7 +55,7 @@ def test_names_are_shown_as_they_stand(capsys, name, wanted):
 def test_in_every_table(name, wanted):
     cameras = replace(CAMERAS, names=(name, "b", "c"))
     figures = np.ones(3)
-    board = BoardCalibration(cameras, figures, figures, None, ())
+    board = BoardCalibration(cameras, figures, figures, (), None)
     zeros = np.zeros((3, 3))
     refined = RefinedCameras(cameras, zeros, zeros, figures, figures, figures > 0, True, np.arange(1))
     truth = np.ones((2, 15, 3))
@@ -84,13 +84,14 @@ def test_in_errors_and_last_lines(tmp_path, name):
     assert jaxskel("run", tmp_path / "x", name, cwd=tmp_path).stderr.count("\x1b") == 0
 
 
-@pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-8"])
+@pytest.mark.parametrize("encoding", ["ascii", "utf-8"])
 def test_a_terminal_without_the_letters_is_no_reason_to_fail(tmp_path, encoding):
     folder = tmp_path / "ok\udcff Zoë 王"
     write_poses(folder, moving(2))
     done = by_itself("export", folder / "poses.npz", folder / "a.trc", cwd=tmp_path, PYTHONIOENCODING=encoding)
     assert done.returncode == 0, done.stderr
     assert "a.trc: 2 frames" in done.stdout
+    assert (folder / "a.trc").exists()
     done = by_itself("export", folder / "none.npz", folder / "a.trc", cwd=tmp_path, PYTHONIOENCODING=encoding)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
 
@@ -115,13 +116,13 @@ def test_the_page_of_a_recording_whose_name_is_no_utf_8(tmp_path):
 
 
 @pytest.mark.parametrize("point", [0x110000, 0x7FFFFFFF, 0xFFFFFFFF, 0xD800, 0xDFFF])
-@pytest.mark.parametrize("key", ["camera_names", "up"])
+@pytest.mark.parametrize("key", ["camera_names", "up", "fps", "size"])
 def test_text_that_is_none_is_refused(tmp_path, point, key):
     masks = np.zeros((2, 3, 24, 32), bool)
     write_recording(tmp_path / "a.npz", Recording(CAMERAS, pack_silhouettes(masks), 5.0, "+Z", np.arange(2)))
     with np.load(tmp_path / "a.npz") as file:
         arrays = dict(file)
-    spoilt = np.ascontiguousarray(arrays[key]).reshape(-1)
+    spoilt = np.array(["abc"] * 3 if key == "camera_names" else ["a"])
     spoilt.view(np.uint32)[0] = point
     arrays[key] = spoilt
     np.savez(tmp_path / "a.npz", **arrays)
