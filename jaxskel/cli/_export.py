@@ -10,7 +10,8 @@ from .._recording import UP_AXES
 from ..io import read_poses, write_bvh, write_c3d, write_table, write_trc
 from ..io.markers import with_up
 from ._outputs import check_output_file
-from ._say import say, warn
+from ._poseless import end_without_pose
+from ._say import say
 
 # What opens each kind of file, for the list of kinds in errors.
 _KINDS = {
@@ -53,9 +54,7 @@ def export(
         raise ValueError(f"{poses}: no frame has a pose, so there is nothing to animate; leave out the .bvh")
     for output in outputs:
         say(f"{output}: {len(found)} frames at {found.fps:g} fps, {_write(output, found, up, millimetres)}")
-    if not found.has_pose.any():
-        warn(f"{poses}: no frame has a pose")
-        raise typer.Exit(1)
+    end_without_pose(poses, found)
 
 
 def _write(output: Path, poses: Poses, up: str | None, millimetres: bool) -> str:
