@@ -50,8 +50,9 @@ def export(
     for output in outputs:
         check_output_file(output, [poses])
     found = read_poses(poses)
-    if not found.has_pose.any() and any(output.suffix.lower() == ".bvh" for output in outputs):
-        raise ValueError(f"{poses}: no frame has a pose, so there is nothing to animate; leave out the .bvh")
+    animations = [output for output in outputs if output.suffix.lower() == ".bvh"]
+    if animations and not found.has_pose.any():
+        raise ValueError(f"{animations[0]}: no frame has a pose: there is nothing to animate")
     for output in outputs:
         say(f"{output}: {len(found)} frames at {found.fps:g} fps, {_write(output, found, up, millimetres)}")
     end_without_pose(poses, found)
