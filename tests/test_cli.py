@@ -16,13 +16,14 @@ import pytest
 from exported import moving
 from measured import film_person, other_person
 from rich.console import Console
+from scenes import with_masks
 
-from jaxskel import JOINT_NAMES, STATUS_NAMES, Settings, paper_settings
+from jaxskel import JOINT_NAMES, STATUS_NAMES, Settings, Status, paper_settings
 from jaxskel.cli import main
 from jaxskel.cli._demo import _speed
 from jaxskel.cli._progress import StageTimes, doubt
 from jaxskel.io import read_body, read_poses, read_subject, read_truth, write_recording
-from jaxskel.synthetic import make_scene
+from jaxskel.synthetic import camera_ring, make_scene
 
 
 def jaxskel(*arguments: object, cwd: Path) -> subprocess.CompletedProcess:
@@ -269,3 +270,52 @@ def test_calibrate_body_refuses_what_it_cannot_do(folder, options, why):
     assert done.returncode == 2
     assert why in done.stderr
     assert set(folder.iterdir()) == before
+
+
+def test_frames_that_go_through_no_stage_have_no_speed():
+    times = StageTimes()
+    with times("prepare"):
+        pass
+    times.end_of_batch(32)
+    times.end_of_batch(1)
+    assert str(times) == f"start-up {times.first['prepare']:.1f} s"
+
+
+@pytest.fixture(scope="module")
+def lonely(tmp_path_factory) -> Path:
+    """Small recordings with hardly anybody in them."""
+    folder = tmp_path_factory.mktemp("lonely")
+    scene = make_scene(33, cameras=camera_ring(4, size=(160, 120)))
+    black = np.zeros_like(scene.silhouettes)
+    last, one_view = black.copy(), black.copy()
+    last[32], one_view[:, 1] = scene.silhouettes[32], scene.silhouettes[:, 1]
+    for name, masks in (("black", black), ("last", last), ("one view", one_view), ("one", scene.silhouettes)):
+        write_recording(folder / f"{name}.npz", with_masks(scene, masks)[: 1 if name == "one" else 33])
+        done = jaxskel("run", f"{name}.npz", "-o", name, "--preset", "paper", cwd=folder)
+        assert done.returncode == (0 if name in ("last", "one") else 1), done.stderr
+        assert f"{33 - 32 * (name == 'one')} frames, {int(name in ('last', 'one'))} with a pose" in done.stdout
+    return folder
+
+
+@pytest.mark.parametrize("name", ["black", "one view", "last", "one"])
+def test_every_command_takes_recordings_with_hardly_anybody(lonely, name):
+    someone, poses = name in ("last", "one"), f"{name}/poses.npz"
+    status = set(read_poses(lonely / poses).status[:32].tolist())
+    wanted = {"black": Status.EMPTY, "one view": Status.TOO_FEW_VIEWS, "last": Status.EMPTY, "one": Status.OK}
+    assert status == {int(wanted[name])}
+    here = f"{name}.npz"
+    ends = {
+        ("report", here, poses, "-o", f"{name}.html"): 0 if someone else 1,
+        ("export", poses, f"{name}.trc", f"{name}.csv"): 0 if someone else 1,
+        ("export", poses, f"{name}.bvh"): 0 if someone else 2,
+        ("evaluate", poses, here, "-o", f"{name} score"): 0 if someone else 1,
+        ("check", here, "-o", f"{name}.png"): 0 if someone else 2,
+        ("refine-cameras", here, "-o", f"{name}.toml"): 0 if someone else 2,
+        ("calibrate-body", here, "-o", f"{name} subject.toml"): 2,
+    }
+    for arguments, code in ends.items():
+        done = jaxskel(*arguments, cwd=lonely)
+        assert (arguments[0], done.returncode, done.stderr) == (arguments[0], code, done.stderr)
+        assert ("no frame has a pose" in done.stderr) == (
+            not someone and arguments[0] in ("report", "export", "evaluate")
+        )

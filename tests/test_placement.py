@@ -4,8 +4,12 @@ from drawn import chain, film, ring
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from jaxskel import unpack_silhouettes
+from jaxskel._carve import carve
 from jaxskel._grid import make_grid
 from jaxskel._placement import body_middles, place_grid
+from jaxskel._projection import projection_table
+from jaxskel._runs import find_bodies
 from jaxskel._views import lost_views, silhouette_areas, silhouette_centroids
 
 # Six cameras far enough away to see a walk through the room; a pixel is about 35 mm wide in the middle.
@@ -60,6 +64,28 @@ def test_grid_contains_the_body(body):
     # It is laid around the body, not around the room.
     span = (body[:, :3] + body[:, 3:]).max(0) - (body[:, :3] - body[:, 3:]).min(0)
     assert (grid.upper - np.asarray(grid.origin) < span + 0.7).all()
+
+
+@pytest.mark.parametrize("height", [36, 48, 60, 80])
+@pytest.mark.parametrize(
+    "body", [person(), person(0.3, -0.2), person(arm=(0.0, 1.0, 0.0)), person(arm=(0.0, 0.3, 0.95))]
+)
+def test_in_images_of_any_size_the_grid_contains_the_body_and_the_hull_of_it(height, body):
+    cameras = ring(8, size=(height * 4 // 3, height), focal=1.35 * height)
+    silhouettes = film(cameras, [body])
+    inside = unpack_silhouettes(silhouettes[0], 8 * silhouettes.shape[3])
+    assert not inside[:, [0, 1, height - 2, height - 1]].any(), "the person is whole in every view"
+    grid = placed(silhouettes, cameras)
+    assert grid is not None
+    assert contains(grid, body)
+    # What is carved in a box that is large enough for anybody does not reach its edge either.
+    room = make_grid(np.array([-1.6, -1.6, -0.6]), np.array([1.6, 1.6, 2.6]), SPACING)
+    hulls = carve(silhouettes, projection_table(cameras, room, *inside.shape[1:], 3))
+    bodies = find_bodies(hulls)
+    largest = bodies.voxels_of(0) == np.argmax(bodies.sizes)
+    voxels = hulls.voxels[hulls.inside[0]][largest]
+    assert (np.asarray(room.origin) + SPACING * voxels.min(0) > np.asarray(grid.origin) + 1e-6).all()
+    assert (np.asarray(room.origin) + SPACING * (voxels.max(0) + 1) < grid.upper - 1e-6).all()
 
 
 def test_grid_contains_a_walk_through_the_room():

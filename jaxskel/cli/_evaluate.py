@@ -15,6 +15,7 @@ from .._rows import rows_by_index
 from ..io import read_poses, read_truth
 from ..metrics import Score, score, score_table
 from ._outputs import check_output
+from ._poseless import end_without_pose
 from ._say import say
 
 SCORE_FILES = ("score.json", "score.png")
@@ -36,6 +37,7 @@ def evaluate(
     Console().print(score_table({poses.parent.name or poses.stem: result}))
     if output is not None:
         say(f"{write_score(output, result)}: {len(result)} frames scored")
+    end_without_pose(poses, estimated)
 
 
 def score_poses(poses: Poses, truth: Truth, index: np.ndarray, source: str) -> Score:

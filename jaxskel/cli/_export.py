@@ -10,7 +10,8 @@ from .._recording import UP_AXES
 from ..io import read_poses, write_bvh, write_c3d, write_table, write_trc
 from ..io.markers import with_up
 from ._outputs import check_output_file
-from ._say import say, warn
+from ._poseless import end_without_pose
+from ._say import say
 
 # What opens each kind of file, for the list of kinds in errors.
 _KINDS = {
@@ -49,13 +50,12 @@ def export(
     for output in outputs:
         check_output_file(output, [poses])
     found = read_poses(poses)
-    if not found.has_pose.any() and any(output.suffix.lower() == ".bvh" for output in outputs):
-        raise ValueError(f"{poses}: no frame has a pose, so there is nothing to animate; leave out the .bvh")
+    animations = [output for output in outputs if output.suffix.lower() == ".bvh"]
+    if animations and not found.has_pose.any():
+        raise ValueError(f"{animations[0]}: no frame has a pose: there is nothing to animate")
     for output in outputs:
         say(f"{output}: {len(found)} frames at {found.fps:g} fps, {_write(output, found, up, millimetres)}")
-    if not found.has_pose.any():
-        warn(f"{poses}: no frame has a pose")
-        raise typer.Exit(1)
+    end_without_pose(poses, found)
 
 
 def _write(output: Path, poses: Poses, up: str | None, millimetres: bool) -> str:

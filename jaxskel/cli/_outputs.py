@@ -50,7 +50,7 @@ def check_output(folder: Path, names: Sequence[str] = (), inputs: Iterable[Path]
     Raises:
         ValueError: One line that names the file in the way, or what cannot be written.
     """
-    if folder.exists() and not folder.is_dir():
+    if os.path.exists(folder) and not os.path.isdir(folder):
         raise ValueError(f"{folder}: the output must be a folder, but this is a file; choose another name")
     inputs = list(inputs)
     for name in names:

@@ -45,7 +45,8 @@ class StageTimes:
 
     def __str__(self) -> str:
         text = f"start-up {sum(self.first.values()):.1f} s"
-        if self.later_frames:
+        # Frames without any person go through no stage, in no time.
+        if self.later_frames and sum(self.later.values()) > 0:
             text += f", then {self.later_frames / sum(self.later.values()):.1f} fps"
         return text
 

@@ -8,6 +8,7 @@ import typer
 from ..io import read_poses, read_recording
 from ..report import LIMIT, write_report
 from ._outputs import chosen_file, files_of
+from ._poseless import end_without_pose
 from ._progress import progress_bar
 from ._ranges import check_number
 from ._run import Recorded
@@ -34,3 +35,4 @@ def report(
             output, recording, found, round(1e6 * limit), lambda done: progress.update(task, completed=done)
         )
     say(f"{output}: {len(found)} frames, {len(recording.cameras)} views, {size / 1e6:.1f} MB")
+    end_without_pose(poses, found)

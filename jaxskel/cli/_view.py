@@ -9,6 +9,7 @@ from .._recording import Recording
 from .._settings import Settings
 from ..io import read_poses, read_recording
 from ._outputs import check_output_file, files_of
+from ._poseless import end_without_pose
 from ._progress import progress_bar
 from ._run import Box, MaxMisses, Preset, PresetOption, Recorded, Spacing, make_settings
 from ._say import say
@@ -63,6 +64,8 @@ def view(
         say(f"{source}: {what}, shown in the window of rerun")
     else:
         say(f"{save}: {what}, {save.stat().st_size / 1e6:.1f} MB; `rerun {save}` shows it")
+    if poses is not None and found is not None:
+        end_without_pose(poses, found)
 
 
 def _slice(frames: str, recording: Recording) -> slice:

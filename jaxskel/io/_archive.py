@@ -32,16 +32,20 @@ _MAX_NUMBER = 1e9
 def texts(path: Path, arrays: dict[str, np.ndarray], key: str) -> list[str]:
     """The strings of an array of at most one dimension."""
     array = arrays[key]
-    try:
-        if array.dtype.kind == "U" and array.ndim <= 1:
-            found = [str(text) for text in array.reshape(-1)]
-            "".join(found).encode()  # halves of characters cannot be written to any file
-            return found
-    except (ValueError, SystemError):  # not a Unicode code point: NumPy raises either, by the number
+    if array.dtype.kind != "U" or array.ndim > 1:
+        raise fault(path, key, f"{array.dtype} of shape {array.shape}; give text")
+    if not _is_text(array):
         raise fault(
-            path, key, "holds what is no text (numbers beyond Unicode, or halves of characters); write the text again"
-        ) from None
-    raise fault(path, key, f"{array.dtype} of shape {array.shape}; give text")
+            path, key, "holds what is no text (numbers beyond Unicode, or halves of characters); write it again"
+        )
+    return [str(text) for text in array.reshape(-1)]
+
+
+def _is_text(array: np.ndarray) -> bool:
+    """Whether all numbers that stand for characters do: of others NumPy makes texts that are none, or raises."""
+    order = array.dtype.str[0]
+    points = np.frombuffer(array.tobytes() or bytes(4), f"{order}u4")
+    return not ((points > 0x10FFFF) | ((points >= 0xD800) & (points <= 0xDFFF))).any()
 
 
 def numbers(
@@ -81,7 +85,8 @@ def switches(path: Path, arrays: dict[str, np.ndarray], key: str, count: int) ->
 
 def short(array: np.ndarray) -> str:
     """A value for a message: itself where it is single, otherwise its kind."""
-    return reprlib.repr(array.reshape(()).item()) if array.size == 1 else f"{array.dtype} of shape {array.shape}"
+    is_shown = array.size == 1 and (array.dtype.kind != "U" or _is_text(array))
+    return reprlib.repr(array.reshape(()).item()) if is_shown else f"{array.dtype} of shape {array.shape}"
 
 
 def read_arrays(

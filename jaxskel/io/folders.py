@@ -65,7 +65,7 @@ def read_folder(folder: Path, in_memory: int) -> Recording:
         ValueError: One line that names the file, the key and how to mend it.
     """
     path = folder / RECORDING_FILE
-    if not path.is_file():
+    if not path.exists():
         raise fault(folder, None, f"holds no {RECORDING_FILE}; `jaxskel init {folder}` writes one")
     table = read_toml(path, KEYS, "fps, calibration and views", 'calibration = "calibration.toml"')
     fps = rate(path, "fps", table.get("fps"), "frames per second")
