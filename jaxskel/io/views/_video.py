@@ -1,5 +1,6 @@
 """A video file."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -11,6 +12,8 @@ from .._capture import grab, opened, retrieve, size_of
 
 VIDEO_SUFFIXES = (".avi", ".mp4", ".mov", ".mkv", ".m4v", ".webm", ".mpg", ".mpeg", ".wmv")
 _MOST_FRAMES = 10_000_000  # a day at 100 frames a second: a header that claims more is damaged
+# Codes of codecs that keep values, if only where colours are not halved.
+_LOSSLESS = (b"FFV1", b"HFYU", b"FFVH", b"LAGS", b"MPNG", b"PNG ", b"DIB ", b"BGR\x18", bytes(4))
 
 
 class Video:
@@ -33,6 +36,30 @@ class Video:
         if count == 0 or min(self.size) < 1:
             raise fault(path, None, "holds no frame that can be read; it is damaged or cut short: write it again")
         self.span = 0, count - 1
+
+    @property
+    def numbers(self) -> range:
+        """All from 0."""
+        return range(self.span[1] + 1)
+
+    @property
+    def lossless(self) -> bool:
+        """Whether its codec keeps values."""
+        code = int(self._capture.get(cv2.CAP_PROP_FOURCC)) & 0xFFFFFFFF
+        return code.to_bytes(4, "little").upper() in _LOSSLESS
+
+    def named(self, number: int) -> str:
+        """Its frame's number."""
+        return f"frame {number}"
+
+    def glimpses(self) -> Iterator[UInt8[np.ndarray, "h w 3"]]:
+        """The first frame that can be read near the beginning, the middle and the end, without reading all between."""
+        for number in sorted({0, self.span[1] // 2, self.span[1]}):
+            if self._sought(number):
+                image = retrieve(self._capture)
+                if image is not None and image.shape[1::-1] == self.size:
+                    yield image
+        self._restart()
 
     def read(self, number: int) -> UInt8[np.ndarray, "h w 3"] | None:
         """A frame: blue, green, red; None outside of the video."""
@@ -58,13 +85,17 @@ class Video:
 
     def _has(self, last: int) -> bool:
         """Whether the last frame is there: headers are written before, and some claim more."""
-        try:
-            self._capture.set(cv2.CAP_PROP_POS_FRAMES, last)
-            there = grab(self._capture)
-        except cv2.error:
-            there = False
+        there = self._sought(last)
         self._restart()
         return there
+
+    def _sought(self, number: int) -> bool:
+        """Go to a frame; in some codecs it is one near it."""
+        try:
+            self._capture.set(cv2.CAP_PROP_POS_FRAMES, number)
+        except cv2.error:
+            return False
+        return grab(self._capture)
 
     def _counted(self) -> int:
         count = 0
