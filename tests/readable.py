@@ -139,7 +139,7 @@ def film(folder: Path, name: str, codec: str) -> Path:
 
 def _views(frames: Callable[[Path], Frames]) -> Callable[[Path], list[np.ndarray]]:
     def read(path: Path) -> list[np.ndarray]:
-        view = View("cam", frames(path), Masks(ones=True))
+        view = View("cam", frames(path), Masks())
         first, last = view.span
         return [view.silhouette(number) for number in range(first, min(last, first + 8) + 1)]
 

@@ -181,6 +181,7 @@ def _rate(folder: Path, frames: dict[str, Frames]) -> float:
 
 def _view_lines(name: str, text: str, view: Frames, others: list[ViewSet], doubts: list[str]) -> list[str]:
     """What a view's images are: masks, or in colour with what there is for a background."""
+    doubts += [f"{name}: {note}" for note in view.notes]
     rule = rule_of(view)
     if not rule.is_picture:
         lines = rule.lines()

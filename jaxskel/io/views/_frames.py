@@ -28,6 +28,11 @@ class Frames(Protocol):
         ...
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """What a person should know of how the images were numbered."""
+        ...
+
+    @property
     def numbers(self) -> Sequence[int]:
         """Numbers of all images, in ascending order."""
         ...
@@ -37,8 +42,7 @@ class Frames(Protocol):
         """Images per second, where the file says it."""
         ...
 
-    @property
-    def lossless(self) -> bool:
+    def keeps_values(self) -> bool:
         """Whether pixels are as they were written, so that a 1 is a 1."""
         ...
 

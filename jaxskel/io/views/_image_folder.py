@@ -57,10 +57,9 @@ class ImageFolder:
         """Numbers of all images, in ascending order."""
         return list(self._files)
 
-    @property
-    def lossless(self) -> bool:
-        """Whether a 0 is a 0."""
-        firsts = {file.suffix.lower(): file for file in self._files.values()}
+    def keeps_values(self) -> bool:
+        """Whether a 1 is a 1, as in a PNG; by the first image of each kind."""
+        firsts = {file.suffix.lower(): file for file in reversed(self._files.values())}
         return all(keeps_values(file) for file in firsts.values())
 
     def named(self, number: int) -> str:

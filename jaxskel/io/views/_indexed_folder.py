@@ -14,7 +14,7 @@ from ._image_folder import ImageFolder
 class IndexedFolder:
     """The images of a folder, each as the indices of its palette."""
 
-    fps, lossless = None, True
+    fps = None
 
     def __init__(self, folder: ImageFolder, palette: UInt8[np.ndarray, "colours 3"]):
         """Take the folder's images; of their palettes, all that have as many colours must have these."""
@@ -36,9 +36,18 @@ class IndexedFolder:
         return self._folder.span
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """What a person should know of how the images were numbered."""
+        return self._folder.notes
+
+    @property
     def numbers(self) -> list[int]:
         """Numbers of all images, in ascending order."""
         return self._folder.numbers
+
+    def keeps_values(self) -> bool:
+        """An index is an index."""
+        return True
 
     def named(self, number: int) -> str:
         """The name of an image's file."""

@@ -44,12 +44,16 @@ class MaskArchive:
         self.span = 0, frames - 1
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """None."""
+        return ()
+
+    @property
     def numbers(self) -> range:
         """All from 0."""
         return range(self.span[1] + 1)
 
-    @property
-    def lossless(self) -> bool:
+    def keeps_values(self) -> bool:
         """Whether values are as they were written, also where they have been rounded."""
         return True
 
@@ -70,15 +74,14 @@ class MaskArchive:
 
     def _in_whole_numbers(self, row: Shaped[np.ndarray, "h w"], number: int) -> UInt16[np.ndarray, "h w"]:
         """Parts of 1 as parts of 255, and what is a whole number already as it is."""
-        least, most = row.min(), row.max()
+        least, most = float(row.min()), float(row.max())
         if not (least >= 0 and most <= 65535):  # nor NaN
             value = least if not least >= 0 else most
-            raise fault(self.path, self._rows.key, f"holds {value} in frame {number}; give 0 to 65535, or 0.0 to 1.0")
+            raise fault(self.path, self._rows.key, f"holds {value:g} in frame {number}; give 0 to 65535, or 0.0 to 1.0")
         if row.dtype.kind == "f":
-            with np.errstate(over="ignore"):
-                row = np.rint(row.astype(np.float64) * (255 if self._is_part else 1))
+            row = np.rint(row.astype(np.float64) * (255 if self._is_part else 1))
             if self._is_part and most > 1:
-                raise fault(self.path, self._rows.key, f"holds {most} in frame {number}, but others 0.0 to 1.0")
+                raise fault(self.path, self._rows.key, f"holds {most:g} in frame {number}, but others 0.0 to 1.0")
         return row.astype(np.uint16)
 
     @cached_property

@@ -71,7 +71,7 @@ def rule_of(frames: Frames) -> MaskRule:
     frames, values, tally = _looked_at(frames)
     try:
         of_kind = verdict_of_colours if isinstance(values, Colours) else verdict_of_grey
-        found = of_kind(tally, frames.lossless, values.told)
+        found = of_kind(tally, frames.keeps_values(), values.told)
     except ValueError as error:
         raise fault(frames.path, None, str(error)) from None
     if found.choice is None:
@@ -88,7 +88,7 @@ def rule_for(frames: Frames, person: Person) -> MaskRule:
     Raises:
         ValueError: One line that names the file, where an image cannot be read.
     """
-    if isinstance(frames, Video) or not frames.lossless:
+    if isinstance(frames, Video) or not frames.keeps_values():
         return MaskRule(frames, None, "their values are not kept exactly; person = [...] is for PNG and the like")
     inside, values, tally = _looked_at(frames)
     numbers = tuple(value for value in person if isinstance(value, int))
@@ -110,13 +110,13 @@ def _looked_at(frames: Frames) -> tuple[Frames, Values, Tally]:
     if isinstance(frames, ImageFolder):
         frames = labelled(frames, _spread(frames.numbers)) or frames
     alpha, colours, brightest, grey = Tally(), Tally(), Tally(), Tally()
-    painted, lit = False, np.zeros(3, bool)
+    exact, painted, lit = frames.keeps_values(), False, np.zeros(3, bool)
     for image in _some(frames):
         if image.ndim == 3 and image.shape[2] == 4:
             alpha.add(Alpha().of(image))
         if image.ndim == 3 and image.shape[2] >= 3:
-            painted |= is_painted(image) if frames.lossless else is_coloured(image)
-            if frames.lossless:
+            painted |= is_painted(image) if exact else is_coloured(image)
+            if exact:
                 lit |= image[..., :3].max((0, 1)) > 0
                 colours.add(Colours().of(image))
                 brightest.add(Brightest().of(image))
@@ -132,7 +132,7 @@ def _looked_at(frames: Frames) -> tuple[Frames, Values, Tally]:
 def _of_video(video: Video) -> MaskRule:
     """White is the person; but what is only dim, in a few of its frames, is told."""
     tally, brightest, dim, coloured = Tally(), 0, 0.0, []
-    noise = 0 if video.lossless else _NOISE
+    noise = 0 if video.keeps_values() else _NOISE
     for image in video.glimpses():
         coloured.append(is_coloured(image))
         green = np.ascontiguousarray(image[..., 1])

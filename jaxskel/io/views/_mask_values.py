@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import cv2
 import numpy as np
@@ -15,6 +15,7 @@ _GREY = 48
 _MOST_COLOURED = 0.01
 
 
+@runtime_checkable
 class Values(Protocol):
     """Takes a mask out of an image."""
 
@@ -79,7 +80,7 @@ class Colours:
 
     def told(self, values: Iterable[int]) -> str:
         """Red, green and blue of each."""
-        return _joined([str([value >> 16, value >> 8 & 255, value & 255]) for value in map(int, values)])
+        return _joined([str([value >> 16, value >> 8 & 255, value & 255]) for value in sorted(values)])
 
 
 @dataclass(frozen=True)
@@ -126,12 +127,13 @@ def _saturation(image: Shaped[np.ndarray, "h w channels"]) -> Shaped[np.ndarray,
 def told(values: Iterable[int]) -> str:
     """Numbers in ascending order, runs of them in short: 0, 2 to 18 and 255."""
     runs: list[list[int]] = []
-    for value in sorted({int(value) for value in values}):
+    for value in sorted(set(values)):
         if runs and value == runs[-1][-1] + 1:
             runs[-1].append(value)
         else:
             runs.append([value])
-    return _joined([f"{run[0]} to {run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs])
+    parts = [[f"{run[0]} to {run[-1]}"] if len(run) > 2 else [str(value) for value in run] for run in runs]
+    return _joined([part for each in parts for part in each])
 
 
 # So many values or colours are named in a message.

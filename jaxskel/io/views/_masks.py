@@ -22,6 +22,7 @@ class Matte(Protocol):
         ...
 
 
+@runtime_checkable
 class Choice(Protocol):
     """Which values of a mask are the person."""
 
@@ -40,12 +41,17 @@ class HalfWhite:
 
     exact: bool = False
     """Whether values are as they were written, so that a few dark ones are a person's number and no noise."""
+    white: int = 65535
+    """Of 16 bits, what is white; in some files it is 255."""
 
     def chosen(self, values: Shaped[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
         """True where the mask is at least half white."""
-        half = 128 if values.dtype == np.uint8 else 128 * 257
-        if self.exact and 0 < values.max() < half:
-            found = np.unique(values)
+        half = 128 if values.dtype == np.uint8 else 128 * (self.white // 255)
+        brightest = int(values.max())
+        if values.dtype != np.uint8 and brightest > self.white:
+            raise ValueError(f"holds {brightest}, but others no more than {self.white}; write all alike")
+        if self.exact and 0 < brightest < half:
+            found = np.unique(values).tolist()
             if len(found) <= _FEW and np.count_nonzero(values) > _SPECKS * values.size:
                 raise ValueError(f"holds {told(found)}, but others white; write all alike, 0 and 255")
         return values >= half
@@ -68,7 +74,7 @@ class NotBackground:
         """True where the mask is not 0."""
         mask = values > 0
         if values.max() > self.known[-1]:
-            found = np.unique(values[mask])
+            found = np.unique(values[mask]).tolist()
             if found[-1] in self.void or len(found) > MOST_VALUES:
                 raise ValueError(
                     f"holds {told(found)}, but others {told(self.known)}; name those of the person, person = [...]"

@@ -38,12 +38,16 @@ class Video:
         self.span = 0, count - 1
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """None."""
+        return ()
+
+    @property
     def numbers(self) -> range:
         """All from 0."""
         return range(self.span[1] + 1)
 
-    @property
-    def lossless(self) -> bool:
+    def keeps_values(self) -> bool:
         """Whether its codec keeps values."""
         code = int(self._capture.get(cv2.CAP_PROP_FOURCC)) & 0xFFFFFFFF
         return code.to_bytes(4, "little").upper() in _LOSSLESS
