@@ -53,6 +53,11 @@ class MaskArchive:
         """All from 0."""
         return range(self.span[1] + 1)
 
+    @property
+    def is_binary(self) -> bool:
+        """Whether it is of bools or bits, which are read as 0 and 255."""
+        return self._packed or self._rows.dtype == np.bool_
+
     def keeps_values(self) -> bool:
         """Whether values are as they were written, also where they have been rounded."""
         return True

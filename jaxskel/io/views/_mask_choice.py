@@ -30,6 +30,8 @@ class Verdict:
     """Where values do not tell, those that may be the person's; none where they are no masks."""
     grey_share: float = 0.0
     """Share of pixels that are neither dark nor bright."""
+    is_dim: bool = False
+    """Whether nothing is half white in the images that were looked at."""
 
 
 def verdict_of_grey(tally: Tally, lossless: bool, told: Callable[[Iterable[int]], str]) -> Verdict:
@@ -49,7 +51,8 @@ def verdict_of_grey(tally: Tally, lossless: bool, told: Callable[[Iterable[int]]
     if not lossless or _is_black_and_white(tally, values, top):
         if grey > _MOST_GREY:
             return Verdict(None, f"masks hold all levels of grey, as pictures do; {_REMEDY}", grey_share=grey)
-        return Verdict(HalfWhite(exact=lossless, white=white), _too_much(tally), grey_share=grey)
+        choice = HalfWhite(exact=lossless, white=white)
+        return Verdict(choice, _too_much(tally), grey_share=grey, is_dim=values[-1] < top / 2)
     if len(values) > MOST_VALUES:
         return Verdict(None, f"masks hold {told(values)}, too many to be labels, and none is white; write 0 and 255")
     is_void = values[-1] == top

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from jaxtyping import Shaped
 
@@ -10,6 +11,7 @@ from .._archive import fault
 from ._frames import Frames
 from ._image_folder import ImageFolder
 from ._indexed_folder import labelled
+from ._mask_archive import MaskArchive
 from ._mask_choice import Verdict, verdict_of_colours, verdict_of_grey
 from ._mask_values import MOST_VALUES, Alpha, Brightest, Colours, Grey, Values, is_coloured, is_painted, told
 from ._masks import Among, Masks
@@ -68,6 +70,8 @@ def rule_of(frames: Frames) -> MaskRule:
     """
     if isinstance(frames, Video):
         return _of_video(frames)
+    if isinstance(frames, MaskArchive) and frames.is_binary:
+        return MaskRule(frames, Masks())
     frames, values, tally = _looked_at(frames)
     try:
         of_kind = verdict_of_colours if isinstance(values, Colours) else verdict_of_grey
@@ -77,7 +81,7 @@ def rule_of(frames: Frames) -> MaskRule:
     if found.choice is None:
         return MaskRule(frames, None, found.told, _named(found, values), found.grey_share > _MOST_GREY)
     matte = Masks(values, found.choice)
-    if tally.varies and not _is_anywhere(frames, matte):
+    if found.is_dim and tally.varies and not _is_anywhere(frames, matte):
         return MaskRule(frames, None, f"masks hold {values.told(tally.counts)}, none is white; write 0 and 255")
     return MaskRule(frames, matte, found.told, is_picture=found.grey_share > _MOST_GREY)
 
@@ -114,32 +118,37 @@ def _looked_at(frames: Frames) -> tuple[Frames, Values, Tally]:
     for image in _some(frames):
         if image.ndim == 3 and image.shape[2] == 4:
             alpha.add(Alpha().of(image))
-        if image.ndim == 3 and image.shape[2] >= 3:
-            painted |= is_painted(image) if exact else is_coloured(image)
-            if exact:
-                lit |= image[..., :3].max((0, 1)) > 0
-                colours.add(Colours().of(image))
-                brightest.add(Brightest().of(image))
-            image = image[..., 1]
-        grey.add(image)
+        if image.ndim == 3 and (is_painted(image) if exact else is_coloured(image)):
+            painted = True
+            lit |= [bool(channel.any()) for channel in cv2.split(image)[:3]]
+            colours.add(Colours().of(image))
+            brightest.add(Brightest().of(image))
+        else:
+            grey.add(image if image.ndim == 2 else np.ascontiguousarray(image[..., 1]))
     if len(alpha.counts) > 1:
         return frames, Alpha(), alpha
-    if painted and lit.sum() == 1 and len(colours.counts) > MOST_VALUES:
+    if not painted:
+        return frames, Grey(), grey
+    if lit.sum() == 1 and len(colours.counts) > MOST_VALUES:
+        brightest.add_all(grey)
         return frames, Brightest(), brightest
-    return (frames, Colours(), colours) if painted else (frames, Grey(), grey)
+    colours.add_all(grey, 0x010101)
+    return frames, Colours(), colours
 
 
 def _of_video(video: Video) -> MaskRule:
     """White is the person; but what is only dim, in a few of its frames, is told."""
-    tally, brightest, dim, coloured = Tally(), 0, 0.0, []
+    tally, brightest, dim, coloured = Tally(), 0, 0.0, True
     noise = 0 if video.keeps_values() else _NOISE
     for image in video.glimpses():
-        coloured.append(is_coloured(image))
+        coloured &= is_coloured(image)
         green = np.ascontiguousarray(image[..., 1])
         tally.add(green)
         brightest = max(brightest, int(green.max()))
         dim = max(dim, np.count_nonzero(green > max(noise, int(green.min()))) / green.size)
-    if coloured and all(coloured):
+        if brightest >= 128 and not coloured:
+            break
+    if coloured and tally.counts:
         return MaskRule(
             video, None, "are pictures in colour, not masks; give them as images with a background", is_picture=True
         )

@@ -89,7 +89,7 @@ class Brightest:
 
     def of(self, image: Shaped[np.ndarray, "h w *channels"]) -> Shaped[np.ndarray, "h w"]:
         """The largest of red, green and blue."""
-        return image if image.ndim == 2 else image[:, :, :3].max(2)
+        return image if image.ndim == 2 else _brightest(image)
 
     def told(self, values: Iterable[int]) -> str:
         """Runs of numbers in short."""
@@ -106,11 +106,18 @@ def is_painted(image: Shaped[np.ndarray, "h w *channels"]) -> bool:
     if image.ndim == 2:
         return False
     painted = int(np.count_nonzero(_saturation(image) > _PAINTED))
-    return painted > 0 and painted > _MOST_PAINTED * int(np.count_nonzero(image[:, :, :3].max(2) > _PAINTED))
+    return painted > 0 and painted > _MOST_PAINTED * int(np.count_nonzero(_brightest(image) > _PAINTED))
 
 
 # What a conversion between kinds of colour does to grey, at most; and a part of the mask that may be its fringe.
 _PAINTED, _MOST_PAINTED = 8, 0.1
+
+
+def _brightest(image: Shaped[np.ndarray, "h w channels"]) -> Shaped[np.ndarray, "h w"]:
+    first, *others = cv2.split(image)[:3]
+    for channel in others:
+        first = np.maximum(first, channel)
+    return first
 
 
 def _saturation(image: Shaped[np.ndarray, "h w channels"]) -> Shaped[np.ndarray, "h w"]:

@@ -32,8 +32,16 @@ class Tally:
         counts = _counted(values)
         self.varies |= max(counts.values()) < (1 - _NOISE) * values.size
         self.counts.update(counts)
-        if values.itemsize <= 2:
+        # Of black and white alone nobody asks.
+        if values.itemsize <= 2 and len(counts) > 2:
             self.flat.update(_counted(values[cv2.erode(values, _AROUND) == cv2.dilate(values, _AROUND)]))
+
+    def add_all(self, other: "Tally", code: int = 1) -> None:
+        """Count what another has counted, its values times a number."""
+        self.varies |= other.varies
+        self._depths |= other._depths
+        for own, others in ((self.counts, other.counts), (self.flat, other.flat)):
+            own.update({value * code: count for value, count in others.items()})
 
     @property
     def top(self) -> int:
@@ -72,7 +80,10 @@ _AROUND = np.ones((3, 3), np.uint8)
 
 def _counted(values: Shaped[np.ndarray, "*pixels"]) -> dict[int, int]:
     if values.itemsize <= 2:
-        counts = np.bincount(values.ravel())
+        # Of bytes, OpenCV takes a tenth of NumPy's time.
+        is_short = values.itemsize == 1
+        counts = cv2.calcHist([values], [0], None, [256], [0, 256]) if is_short else np.bincount(values.ravel())
+        counts = counts.ravel().astype(int)
         found = np.flatnonzero(counts)
         return dict(zip(found.tolist(), counts[found].tolist(), strict=True))
     # Black is most of a mask: it need not be sorted.

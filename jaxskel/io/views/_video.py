@@ -28,6 +28,7 @@ class Video:
         self.path = path
         self._capture = opened(path)
         self._next = 0
+        self._last_image = None
         self.size = size_of(self._capture)
         rate = self._capture.get(cv2.CAP_PROP_FPS)
         self.fps = float(rate) if np.isfinite(rate) and 0 < rate < 1e5 else None
@@ -57,13 +58,17 @@ class Video:
         return f"frame {number}"
 
     def glimpses(self) -> Iterator[UInt8[np.ndarray, "h w 3"]]:
-        """The first frame that can be read near the beginning, the middle and the end, without reading all between."""
-        for number in sorted({0, self.span[1] // 2, self.span[1]}):
-            if self._sought(number):
-                image = retrieve(self._capture)
+        """Frames near the end, the beginning and the middle, as far as they can be read."""
+        image, self._last_image = self._last_image, None
+        if image is not None:
+            yield image
+        try:
+            for number in (0, self.span[1] // 2):
+                image = retrieve(self._capture) if self._sought(number) else None
                 if image is not None and image.shape[1::-1] == self.size:
                     yield image
-        self._restart()
+        finally:
+            self._restart()
 
     def read(self, number: int) -> UInt8[np.ndarray, "h w 3"] | None:
         """A frame: blue, green, red; None outside of the video."""
@@ -90,6 +95,9 @@ class Video:
     def _has(self, last: int) -> bool:
         """Whether the last frame is there: headers are written before, and some claim more."""
         there = self._sought(last)
+        if there:
+            image = retrieve(self._capture)
+            self._last_image = image if image is not None and image.shape[1::-1] == self.size else None
         self._restart()
         return there
 
