@@ -174,6 +174,7 @@ SOFT: dict[str, Callable[[Path], Path]] = {
     "soft and red": written(
         ".png", lambda frame: np.uint8(255 * soft(frame))[..., None] * np.array([1, 0, 0], np.uint8)
     ),
+    "soft, bytes in 16 bits": written(".png", lambda frame: np.uint16(255 * soft(frame))),
     "sureness": array(np.float32, soft),
     "sureness in bytes": array(np.float64, lambda frame: 255 * soft(frame)),
 }

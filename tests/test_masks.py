@@ -160,6 +160,11 @@ def with_one_other(tmp_path: Path, most: np.ndarray, other: np.ndarray) -> View:
         (labels(0, 255, 255, 255)(0), labels(0, 2, 13, 18)(0), "0031.png holds 0, 2, 13 and 18, but others white"),
         (labels(0, 1, 1, 1)(0), labels(0, 255, 255, 255)(0), "0031.png holds 255, but others 1;"),
         (labels(0, 2, 13, 18)(0), labels(0, 2, 2, 255)(0), "0031.png holds 2 and 255, but others 2, 13 and 18"),
+        (
+            np.uint16(255 * soft(0)),
+            labels(0, 9, 9, 65535, dtype=np.uint16)(0),
+            "0031.png holds 65535, but others no more than",
+        ),
         (with_alpha(grey=False)(0), labels(0, 255, 255, 255)(0), "0031.png has no alpha channel"),
         (labels(0, 255, 255, 255)(0), painted((0, 0, 0), *[(255, 0, 0)] * 3)(0), "0031.png is a picture in colour"),
     ],

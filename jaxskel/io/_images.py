@@ -67,10 +67,10 @@ def read_indexed(path: Path) -> Indexed | None:
     image = _opened(path, content)
     if image.mode != "P":
         return None
-    palette = image.getpalette("RGB") or []
+    indices = np.asarray(_loaded(path, image))
     return Indexed(
-        np.asarray(_loaded(path, image)),
-        np.array(palette, np.uint8).reshape(-1, 3),
+        indices,
+        np.array(image.getpalette("RGB") or [], np.uint8).reshape(-1, 3),
         _opacity(image.info.get("transparency")),
     )
 

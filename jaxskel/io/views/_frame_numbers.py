@@ -119,7 +119,8 @@ def _number_of_one(columns: list[_Column]) -> list[int]:
 def _chosen(folder: Path, files: list[Path], columns: list[_Column]) -> tuple[list[int], list[str]]:
     """The number of each image, and what there is to say."""
     times = _times(files, columns)
-    counters = [column for column in columns if column.tells_apart and not column.is_time]
+    telling = [column for column in columns if column.tells_apart and max(column.values) < _MOST]
+    counters = [column for column in telling if not column.is_time] or ([] if times is not None else telling)
     best = min(map(_unevenness, counters), default=_IRREGULAR)
     if best == _IRREGULAR and times is not None:
         return _by_time(files, times)

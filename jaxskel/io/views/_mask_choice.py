@@ -39,19 +39,17 @@ def verdict_of_grey(tally: Tally, lossless: bool, told: Callable[[Iterable[int]]
     tally.in_one_depth()
     values, top = sorted(tally.counts), tally.top
     present = [value for value in values if value > 0]
-    # Where there is nothing yet, white of 16 bits is all of them.
-    white = top if tally.varies else 65535
     grey = tally.share(lambda value: top / 8 <= value < 7 * top / 8)
     if lossless and present == [1]:
         return Verdict(NotBackground((1,)))
     if lossless and len(present) == 1 and values[0] == 0:
         if present[0] > top / 2:
-            return Verdict(HalfWhite(exact=True, white=white), _too_much(tally))
+            return Verdict(HalfWhite(exact=True, white=tally.white), _too_much(tally))
         return _labels(values, told, "")
     if not lossless or _is_black_and_white(tally, values, top):
         if grey > _MOST_GREY:
             return Verdict(None, f"masks hold all levels of grey, as pictures do; {_REMEDY}", grey_share=grey)
-        choice = HalfWhite(exact=lossless, white=white)
+        choice = HalfWhite(exact=lossless, white=tally.white)
         return Verdict(choice, _too_much(tally), grey_share=grey, is_dim=values[-1] < top / 2)
     if len(values) > MOST_VALUES:
         return Verdict(None, f"masks hold {told(values)}, too many to be labels, and none is white; write 0 and 255")

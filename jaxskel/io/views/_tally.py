@@ -48,6 +48,11 @@ class Tally:
         """White: the largest value that there could be."""
         return 255 if max(self.counts, default=0) <= 255 else 65535
 
+    @property
+    def white(self) -> int:
+        """White of 16 bits: there are files that hold bytes in them; not so where nothing is seen yet."""
+        return 255 if self._depths == {2} and self.varies and self.top == 255 else 65535
+
     def in_one_depth(self) -> None:
         """Bring values of 16 bits to those of 8, where there are both.
 

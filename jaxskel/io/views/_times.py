@@ -11,7 +11,7 @@ import numpy as np
 _MOMENT = re.compile(
     r"(?<![0-9])((?:19|20)[0-9]{2})[-_.]?(0[1-9]|1[0-2])[-_.]?(0[1-9]|[12][0-9]|3[01])"
     r"[-_ T.]*([01][0-9]|2[0-3])[-_.:h]?([0-5][0-9])[-_.:m]?([0-5][0-9])"
-    r"(?:[-_.,s]?([0-9]{9}|[0-9]{6}|[0-9]{3})(?![0-9]))?"
+    r"(?:[-_.,s]?([0-9]{9}|[0-9]{6}|[0-9]{3}))?(?![0-9])"
 )
 # Seconds since some moment, with a fraction: 1699999999.123456, 0.033.
 _SECONDS = re.compile(r"(?<![0-9.])([0-9]{1,12})\.([0-9]{2,9})$")
@@ -65,10 +65,15 @@ def steps_of_times(values: Sequence[int]) -> list[int]:
 
 
 def _are_moments(matches: list[re.Match[str]]) -> bool:
-    """Not so where what would be a fraction of a second counts up by one: it is a frame's number."""
-    fractions = sorted(int(match[7] or 0) for match in matches)
-    steps = [after - before for before, after in zip(fractions[:-1], fractions[1:], strict=True)]
-    return min(steps, default=0) != 1
+    """Not so where what would be a time of day, or a part of a second, counts up by one as a frame's number does."""
+    last = [re.findall("[0-9]+", match[0])[-1] for match in matches]
+    values = sorted(map(int, last))
+    steps = [after - before for before, after in zip(values[:-1], values[1:], strict=True)]
+    if min(steps, default=0) != 1 or min(map(len, last)) <= 2:
+        return True
+    # A day's first hours are read as a number that is filled up with zeros.
+    is_fraction = all(match[7] == text for match, text in zip(matches, last, strict=True))
+    return not is_fraction and values[-1] >= 10 ** (len(last[0]) - 1)
 
 
 def _are_seconds(matches: list[re.Match[str]]) -> bool:
