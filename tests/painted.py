@@ -117,6 +117,7 @@ READ: dict[str, Callable[[Path], Path]] = {
     "ones of 16 bits": written(".png", labels(0, 1, 1, 1, dtype=np.uint16)),
     "bytes in 16 bits": written(".png", labels(0, 255, 255, 255, dtype=np.uint16)),
     "white of 16 bits": written(".png", labels(0, 65535, 65535, 65535, dtype=np.uint16)),
+    "instance just below half": written(".png", labels(0, 32800, 32800, 32800, dtype=np.uint16)),
     "large instance": written(".png", labels(0, 300, 300, 300, dtype=np.uint16)),
     "coded instances": written(".png", labels(0, 24001, 26000, 40003, dtype=np.uint16)),
     "16 bits in a TIFF": written(".tif", labels(0, 24001, 26000, 40003, dtype=np.uint16)),

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from painted import (
     ASKED,
+    DAVIS,
     FRAMES,
     READ,
     REFUSED,
@@ -198,6 +199,30 @@ def test_dim_edges_alone_are_nobody_in_soft_masks(tmp_path):
     dim = np.uint8(120 * soft(0))
     view = with_one_other(tmp_path, np.uint8(255 * soft(0)), dim)
     assert not view.silhouette(31).any()
+
+
+@pytest.mark.parametrize("dark", [16, 0])
+def test_a_black_that_is_not_0_is_nobody(tmp_path, dark):
+    """As in images that were taken out of a video."""
+    lit = np.where(body(0), 235, dark).astype(np.uint8)
+    empty = np.full(SIZE[::-1], dark, np.uint8)
+    empty[::2, ::3] += 2
+    view = view_of(
+        long_view(tmp_path, 60, {31: empty, 33: np.full_like(empty, dark)}, np.where(empty > dark, empty, lit))
+    )
+    assert view.silhouette(0).any()
+    assert not view.silhouette(31).any()
+    assert not view.silhouette(33).any()
+
+
+def test_a_palette_whose_first_images_show_nobody_is_one_of_labels(tmp_path):
+    path = indexed(".png", labels(0, 1, 2, 3))(folder(tmp_path))
+    (path / "000002.png").rename(path / "000041.png")
+    nobody = Image.fromarray(np.zeros(SIZE[::-1], np.uint8)).convert("P")
+    nobody.putpalette(np.resize(DAVIS, (256, 3)).ravel().tolist())
+    for number in (*range(41), *range(42, 60)):
+        nobody.save(path / f"{number:06d}.png")
+    np.testing.assert_array_equal(view_of(path, person=[2, 3]).silhouette(41), labels(0, 0, 1, 1)(2) > 0)
 
 
 def filmed(path: Path, codec: str, drawn) -> Path:

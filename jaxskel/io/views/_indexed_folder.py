@@ -7,7 +7,6 @@ import numpy as np
 from jaxtyping import UInt8
 
 from .._archive import fault
-from .._images import Indexed
 from ._image_folder import ImageFolder
 
 
@@ -70,19 +69,23 @@ def labelled(folder: ImageFolder, numbers: Iterable[int]) -> IndexedFolder | Non
     Colours count where there is no palette, or not the same in all; where it is grey, so that black is the background,
     whatever its index; and where its colours are opaque or not.
     """
-    found: list[Indexed] = []
+    palettes: list[UInt8[np.ndarray, "colours 3"]] = []
+    used: set[int] = set()
     for number in numbers:
         indexed = folder.read_indexed(number)
-        if indexed is None or found and not _agree(indexed.palette, found[0].palette):
+        if indexed is None or palettes and not _agree(indexed.palette, palettes[0]):
             return None
-        found.append(indexed)
-    used = np.unique(np.concatenate([np.unique(indexed.indices) for indexed in found]))
-    palette = max((indexed.palette for indexed in found), key=len)
-    if any((indexed.opacity[used[(0 < used) & (used < len(indexed.opacity))]] < 255).any() for indexed in found):
-        return None
-    if used[-1] < len(palette):
-        colours = palette[used]
-        if (colours == colours[:, :1]).all() and len(np.unique(colours[:, 0])) == len(used):
+        palettes.append(indexed.palette)
+        here = set(np.unique(indexed.indices).tolist())
+        if any(indexed.opacity[index] < 255 for index in here - {0} if index < len(indexed.opacity)):
+            return None
+        used |= here
+    palette = max(palettes, key=len)
+    # Of a view in which nobody is yet, nothing but the background is used.
+    chosen = sorted(used) if len(used) > 1 else list(range(len(palette)))
+    if chosen[-1] < len(palette):
+        colours = palette[chosen]
+        if (colours == colours[:, :1]).all() and len(np.unique(colours[:, 0])) == len(chosen):
             return None
     return IndexedFolder(folder, palette)
 

@@ -1,7 +1,7 @@
 """Black and white, soft edges, labels or a picture: what the values of a view's masks say."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ._mask_values import MOST_VALUES
 from ._masks import HalfWhite, NotBackground
@@ -43,14 +43,14 @@ def verdict_of_grey(tally: Tally, lossless: bool, told: Callable[[Iterable[int]]
     if lossless and present == [1]:
         return Verdict(NotBackground((1,)))
     if lossless and len(present) == 1 and values[0] == 0:
-        if present[0] > top / 2:
-            return Verdict(HalfWhite(exact=True, white=tally.white), _too_much(tally))
-        return _labels(values, told, "")
+        if present[0] < tally.half:
+            return _labels(values, told, "")
+        return Verdict(HalfWhite(exact=True, white=tally.white), _too_much(tally))
     if not lossless or _is_black_and_white(tally, values, top):
         if grey > _MOST_GREY:
             return Verdict(None, f"masks hold all levels of grey, as pictures do; {_REMEDY}", grey_share=grey)
-        choice = HalfWhite(exact=lossless, white=tally.white)
-        return Verdict(choice, _too_much(tally), grey_share=grey, is_dim=values[-1] < top / 2)
+        choice = HalfWhite(white=tally.white)
+        return Verdict(choice, _too_much(tally), grey_share=grey, is_dim=values[-1] < tally.half)
     if len(values) > MOST_VALUES:
         return Verdict(None, f"masks hold {told(values)}, too many to be labels, and none is white; write 0 and 255")
     is_void = values[-1] == top
@@ -61,20 +61,24 @@ def verdict_of_colours(tally: Tally, lossless: bool, told: Callable[[Iterable[in
     """What colours say."""
     if not lossless or len(tally.counts) > MOST_VALUES:
         return Verdict(None, f"are pictures in colour, not masks; {_REMEDY}", grey_share=1.0)
-    return _of_labels(tally, sorted(tally.counts), None, told, "not black")
+    found = _of_labels(tally, sorted(tally.counts), None, told, "not black")
+    # No colour means "unknown".
+    return found if found.choice is None else replace(found, choice=replace(found.choice, void=()))
 
 
 def _is_black_and_white(tally: Tally, values: list[int], top: int) -> bool:
-    """Whether values are cut at half white: as far as there are others than black and white, they are edges."""
+    """Whether values are cut at half white: beside black and white there are edges and noise only."""
     if len(values) == 1:
         return True
-    between = [value for value in values if 0 < value < top]
-    if values[-1] <= top / 2:
+    if values[-1] < tally.half:
         return False
-    bright = sum(value >= 3 * top / 4 for value in values)
-    if all(value < top / 4 or value >= 3 * top / 4 for value in between) and (bright > 1 or values[0] > 0):
+    if len(values) > MOST_VALUES:
         return True
-    return len(values) > MOST_VALUES or tally.flatness(lambda value: 0 < value < top) < _LEAST_FLAT
+    if tally.flatness(lambda value: top / 8 <= value < 7 * top / 8) >= _LEAST_FLAT:
+        return False
+    # A codec that made grey of black made grey of white, too.
+    bright = sum(value >= 7 * top / 8 for value in values)
+    return bright > 1 or values[0] > 0 or tally.flatness(lambda value: 0 < value < top / 8) < _LEAST_FLAT
 
 
 def _of_labels(
@@ -96,7 +100,7 @@ def _labels(values: list[int], told: Callable[[Iterable[int]], str], which: str)
 
 
 def _too_much(tally: Tally) -> str:
-    share = tally.share(lambda value: value > tally.top / 2)
+    share = tally.share(lambda value: value >= tally.half)
     if share <= _MOST_PERSON:
         return ""
     return f"{100 * share:.0f} % of the masks are white; where the person is black, write person = [0]"

@@ -40,7 +40,7 @@ class HalfWhite:
     """What is at least half white is the person."""
 
     exact: bool = False
-    """Whether values are as they were written, so that a few dark ones are a person's number and no noise."""
+    """Whether other images of the view hold two values only, so that dark ones are a number and no noise."""
     white: int = 65535
     """Of 16 bits, what is white; in some files it is 255."""
 
@@ -50,9 +50,10 @@ class HalfWhite:
         brightest = int(values.max())
         if values.dtype != np.uint8 and brightest > self.white:
             raise ValueError(f"holds {brightest}, but others no more than {self.white}; write all alike")
-        if self.exact and 0 < brightest < half:
+        darkest = int(values.min())
+        if self.exact and darkest < brightest < half:
             found = np.unique(values).tolist()
-            if len(found) <= _FEW and np.count_nonzero(values) > _SPECKS * values.size:
+            if len(found) <= _FEW and np.count_nonzero(values > darkest) > _SPECKS * values.size:
                 raise ValueError(f"holds {told(found)}, but others white; write all alike, 0 and 255")
         return values >= half
 

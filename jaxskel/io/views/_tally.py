@@ -49,6 +49,11 @@ class Tally:
         return 255 if max(self.counts, default=0) <= 255 else 65535
 
     @property
+    def half(self) -> int:
+        """The least that is at least half white."""
+        return 128 * (self.top // 255)
+
+    @property
     def white(self) -> int:
         """White of 16 bits: there are files that hold bytes in them; not so where nothing is seen yet."""
         return 255 if self._depths == {2} and self.varies and self.top == 255 else 65535
