@@ -66,14 +66,16 @@ def steps_of_times(values: Sequence[int]) -> list[int]:
 
 def _are_moments(matches: list[re.Match[str]]) -> bool:
     """Not so where what would be a time of day, or a part of a second, counts up by one as a frame's number does."""
-    last = [re.findall("[0-9]+", match[0])[-1] for match in matches]
+    # What is the same in all is no part of a second, but a size or the like.
+    end = 7 if len({match[7] for match in matches}) > 1 else 6
+    last = [re.findall("[0-9]+", match.string[match.start() : match.end(end)])[-1] for match in matches]
     values = sorted(map(int, last))
     steps = [after - before for before, after in zip(values[:-1], values[1:], strict=True)]
     if min(steps, default=0) != 1 or min(map(len, last)) <= 2:
         return True
     # A day's first hours are read as a number that is filled up with zeros.
-    is_fraction = all(match[7] == text for match, text in zip(matches, last, strict=True))
-    return not is_fraction and values[-1] >= 10 ** (len(last[0]) - 1)
+    is_apart = all(match[7] == text for match, text in zip(matches, last, strict=True))
+    return not is_apart and values[-1] >= 10 ** (len(last[0]) - 1)
 
 
 def _are_seconds(matches: list[re.Match[str]]) -> bool:
