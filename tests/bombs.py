@@ -94,6 +94,36 @@ def tiff(side: int, tile: int = 0) -> bytes:
     return b"II*\0" + struct.pack("<I", 16) + bytes(8) + struct.pack("<H", len(tags)) + entries + bytes(4)
 
 
+def webp(side: int) -> bytes:
+    whole = bytearray(cv2.imencode(".webp", np.zeros((16, 16, 3), np.uint8), [cv2.IMWRITE_WEBP_QUALITY, 101])[1])
+    place = whole.index(b"VP8L") + 9
+    whole[place : place + 4] = struct.pack("<I", (side - 1) | (side - 1) << 14)
+    return bytes(whole)
+
+
+def gif(side: int) -> bytes:
+    """A small image on a large screen."""
+    return (
+        b"GIF89a"
+        + struct.pack("<HHBBB", side, side, 0, 0, 0)
+        + b","
+        + struct.pack("<HHHHB", 0, 0, 4, 4, 0)
+        + b"\x02\0;"
+    )
+
+
+def large_frame(side: int) -> bytes:
+    """A large image on a small screen."""
+    header = b"GIF89a" + struct.pack("<HHBBB", 4, 4, 0x80, 0, 0) + bytes(6)
+    return header + b"," + struct.pack("<HHHHB", 0, 0, side, side, 0) + b"\x02\x02\x4c\x01\0;"
+
+
+def with_palette(side: int) -> bytes:
+    whole = png(side)
+    header = struct.pack(">IIBBBBB", side, side, 8, 3, 0, 0, 0)
+    return whole[:8] + _chunk(b"IHDR", header) + _chunk(b"PLTE", bytes(6)) + whole[33:]
+
+
 def _pictures(suffix: str, content: bytes) -> Callable[[Path], Path]:
     def write(folder: Path) -> Path:
         (folder / f"0{suffix}").write_bytes(content)
@@ -191,6 +221,12 @@ BOMBS: dict[str, tuple[str, Callable[[Path], Path]]] = {
     "jpeg that claims pixels": ("jpeg", _pictures(".jpg", jpeg(SIDE))),
     "tiff that claims pixels": ("tiff", _pictures(".tif", tiff(SIDE))),
     "tiff that claims a tile": ("tiff", _pictures(".tif", tiff(16, 1 << 15))),
+    "png with a palette that claims pixels": ("png", _pictures(".png", with_palette(SIDE))),
+    "webp that claims pixels": ("png", _pictures(".webp", webp(16_000))),
+    "gif that claims a screen": ("png", _pictures(".gif", gif(SIDE))),
+    "gif that claims a frame": ("png", _pictures(".gif", large_frame(SIDE))),
+    "pbm that claims pixels": ("png", _pictures(".pbm", b"P4 20000 20000\n" + bytes(900))),
+    "pgm of text that claims pixels": ("png", _pictures(".pgm", b"P2\n# a\n20000\n20000 255\n" + b"0 " * 900)),
     "png as a board": ("film of a board", _text("0.png", png(SIDE))),
     "avi that claims pixels": ("avi", _large_film("FFV1")),
     "mp4 that claims frames": ("mp4", _fragments),

@@ -9,6 +9,7 @@ from typing import Any
 import cv2
 import json_calibration_files as in_json
 import numpy as np
+import painted
 from calibration_files import FORMATS, Format, Rig, a_rig, sizes_of
 from calibration_files_text import NUMBERED_FORMATS, TEXT_FORMATS
 from exported import moving
@@ -18,6 +19,7 @@ from test_folders import a_recording, write_folder
 from test_motion_files import AMC, ASF, BVH, is_valid
 
 from jaxskel import Recording, default_adult, make_body
+from jaxskel.backgrounds import Cleaning
 from jaxskel.boards import some_frames
 from jaxskel.io import (
     Calibration,
@@ -34,8 +36,8 @@ from jaxskel.io import (
     write_subject,
     write_trc,
 )
+from jaxskel.io._view_table import read_view
 from jaxskel.io.proposals import propose_recording
-from jaxskel.io.views import Frames, ImageFolder, Masks, Video, View
 from jaxskel.synthetic import Motion, read_asf_amc, read_bvh
 
 SIZE = (24, 16)  # width and height
@@ -141,8 +143,10 @@ def _pictures(folder: Path, suffix: str, *flags: int) -> Path:
     mask[4:12, 6:14] = 255
     cv2.imwrite(str(folder / f"0{suffix}"), mask, flags)
     wide = mask.astype(np.uint16) * 257 if suffix in (".png", ".tif") else mask
-    channels = 4 if suffix in (".png", ".tif") else 3
-    cv2.imwrite(str(folder / f"1{suffix}"), np.repeat(wide[..., None], channels, axis=2), flags)
+    colours = np.repeat(wide[..., None], 3, axis=2)
+    if suffix in (".png", ".tif"):
+        colours = np.dstack([colours, np.full_like(wide, 65535)])
+    cv2.imwrite(str(folder / f"1{suffix}"), colours, flags)
     return folder
 
 
@@ -156,13 +160,17 @@ def film(folder: Path, name: str, codec: str) -> Path:
     return folder / name
 
 
-def _views(frames: Callable[[Path], Frames]) -> Callable[[Path], list[np.ndarray]]:
-    def read(path: Path) -> list[np.ndarray]:
-        view = View("cam", frames(path), Masks(ones=True))
-        first, last = view.span
-        return [view.silhouette(number) for number in range(first, min(last, first + 8) + 1)]
+def _masks(path: Path) -> list[np.ndarray]:
+    """Masks of a folder, a video or the array `cam` of an archive, as a recording reads them."""
+    place, name = (path, ".") if path.is_dir() else (path.parent, path.name)
+    masks = f"{name}:cam" if name.endswith(".npz") else name
+    view = read_view(place / "recording.toml", "cam", {"masks": masks}, 25.0, Cleaning(), True)
+    first, last = view.span
+    return [view.silhouette(number) for number in range(first, min(last, first + 8) + 1)]
 
-    return read
+
+def _painted(kind: str) -> Reader:
+    return Reader(painted.READ[kind], _masks, are_masks)
 
 
 def are_masks(found: list[np.ndarray]) -> None:
@@ -204,11 +212,11 @@ def _recording(kind: str) -> Reader:
 
 
 def _film_reader(name: str, codec: str) -> Reader:
-    return Reader(lambda folder: film(folder, name, codec), _views(Video), are_masks)
+    return Reader(lambda folder: film(folder, name, codec), _masks, are_masks)
 
 
 def _picture_reader(suffix: str, *flags: int) -> Reader:
-    return Reader(lambda folder: _pictures(folder, suffix, *flags), _views(ImageFolder), are_masks)
+    return Reader(lambda folder: _pictures(folder, suffix, *flags), _masks, are_masks)
 
 
 def _proposer(kind: str) -> Reader:
@@ -218,6 +226,12 @@ def _proposer(kind: str) -> Reader:
 def _is_text(found: Any) -> None:
     assert found.text
 
+
+# Of each format, depth and kind of value.
+PAINTED = ("class labels", "large instance", "palette, several objects", "palette, background not opaque",
+           "palette in a BMP", "palette in a TIFF", "palette in a GIF", "bits in a PNG", "bits in a TIFF",
+           "bits in a PBM", "text in a PBM", "PPM", "WebP", "WebP without loss", "WebP with alpha", "grey with alpha",
+           "a colour for each part", "labels of 64 bits", "ones with a point")  # fmt: skip
 
 READERS = {
     **{name: _calibration(form) for name, form in FORMATS.items()},
@@ -245,6 +259,7 @@ READERS = {
     "tiff": _picture_reader(".tif"),
     "jpeg": _picture_reader(".jpg"),
     "progressive jpeg": _picture_reader(".jpg", cv2.IMWRITE_JPEG_PROGRESSIVE, 1),
+    **{kind: _painted(kind) for kind in PAINTED},
     "avi": _film_reader("a.avi", "MJPG"),
     "mp4": _film_reader("a.mp4", "mp4v"),
     "mkv": _film_reader("a.mkv", "FFV1"),

@@ -62,27 +62,35 @@ def test_every_source_gives_the_masks_that_went_in_in_any_order(tmp_path, kind):
 
 
 @pytest.mark.parametrize("name", ["{:06d}.png", "cam1_{}.png", "walk2-{:03d}-mask.png"])
-def test_the_last_number_in_a_name_is_the_frames(tmp_path, name):
+def test_images_that_are_missing_leave_gaps(tmp_path, name):
     folder = ImageFolder(write_images(tmp_path, (3, 4, 10), name))
     assert folder.span == (3, 10)
+    assert list(folder.numbers) == [3, 4, 10]
     assert folder.read(10) is not None
     assert folder.read(5) is None
 
 
-@pytest.mark.parametrize("white", [1, 255])
-def test_white_may_be_one_where_nothing_is_lost(tmp_path, white):
-    folder = ImageFolder(write_images(tmp_path, [2], white=white))
-    np.testing.assert_array_equal(View("a", folder, Masks(ones=folder.lossless)).silhouette(2), mask(2))
+def test_what_lies_beside_the_images_is_left_alone(tmp_path):
+    write_images(tmp_path, range(3))
+    for name in ("Thumbs.db", ".DS_Store", "._000001.png", "masks.json", "000001.CR2", "meta.npy"):
+        (tmp_path / name).write_bytes(b"")
+    write_images(tmp_path, [0], "preview.png")
+    folder = ImageFolder(tmp_path)
+    assert folder.span == (0, 2)
+    assert folder.notes == ("preview.png is left out: no number in the name",)
+
+
+@pytest.mark.parametrize("beside", [(), (0, 1)])
+def test_images_that_are_not_read_are_named_by_their_kind(tmp_path, beside):
+    write_images(tmp_path, beside)
+    for number in range(2, 4):
+        (tmp_path / f"{number:06d}.HEIC").write_bytes(b"")
+    with pytest.raises(ValueError, match=r"there are \.heic images, which are not read; convert them to PNG"):
+        ImageFolder(tmp_path)
 
 
 def test_a_codecs_noise_is_no_person():
     assert not Masks().foreground(np.eye(8, dtype=np.uint8)).any()
-
-
-def test_opaque_is_person_in_a_picture_with_alpha():
-    image = np.full((*SIZE[::-1], 4), 90, np.uint8)
-    image[..., 3] = 255 * mask(1)
-    np.testing.assert_array_equal(Masks().foreground(image), mask(1))
 
 
 def test_wider_numbers_are_scaled():
@@ -93,7 +101,7 @@ def test_a_picture_in_colour_is_no_mask(tmp_path):
     image = np.zeros((*SIZE[::-1], 3), np.uint8)
     image[..., 0] = 200
     cv2.imwrite(str(tmp_path / "7.png"), image)
-    with pytest.raises(ValueError, match="image 7: is a picture in colour"):
+    with pytest.raises(ValueError, match="7.png is a picture in colour"):
         View("a", ImageFolder(tmp_path), Masks()).silhouette(7)
 
 
@@ -183,7 +191,7 @@ def broken(tmp_path: Path, what: str) -> None:
 @pytest.mark.parametrize(
     ("what", "told"),
     [("no folder", "No such file"), ("no images", "holds no images"), ("no number", "no frame number"),
-     ("number twice", "remove one of them"), ("damaged image", "1.png: is no image"),
+     ("number twice", "keep one of them"), ("damaged image", "1.png: is no image"),
      ("image of another size", "is 3 x 3 px, but 000000.png 24 x 16"), ("no video", "cannot be opened"),
      ("not a video", "is no video"), ("no such key", "'cam9': is missing"), ("wrong shape", "cam1_shape")],
 )  # fmt: skip

@@ -14,12 +14,28 @@ from ..backgrounds import Background, Cleaning, backdrop_of, backdrop_of_colour,
 from ._archive import fault
 from ._images import read_image
 from ._toml import check_known
-from .views import CutOut, Frames, ImageFolder, MaskArchive, Masks, Matte, Video, View, in_colour, is_image
+from .views import (
+    CutOut,
+    Frames,
+    ImageFolder,
+    MaskArchive,
+    Matte,
+    Person,
+    Video,
+    View,
+    in_colour,
+    is_image,
+    person_text,
+    rule_for,
+    rule_of,
+)
 
-KEYS = ("masks", "images", "plate", "median", "backdrop", "camera", "calibrated_size", "offset", "fps")
+KEYS = ("masks", "person", "images", "plate", "median", "backdrop", "camera", "calibrated_size", "offset", "fps")
 _BACKGROUNDS = ("plate", "median", "backdrop")
 # Of a recording's own images, so many make its background: a median of more is no better.
 _SAMPLES = 50
+# Nobody's body has more parts.
+_MOST_VALUES = 1000
 
 
 def read_view(path: Path, name: str, table: Mapping[str, Any], fps: float, cleaning: Cleaning, shadows: bool) -> View:
@@ -46,8 +62,10 @@ def read_view(path: Path, name: str, table: Mapping[str, Any], fps: float, clean
         if given:
             raise fault(path, f"{where}{given[0]}", "belongs to images; masks need no background")
         frames = open_frames(path, f"{where}masks", table["masks"])
-        matte: Matte = Masks(ones=isinstance(frames, ImageFolder) and frames.lossless)
+        frames, matte = _masks(path, where, frames, table.get("person"))
     else:
+        if "person" in table:
+            raise fault(path, f"{where}person", "belongs to masks; in images a background tells the person")
         frames = open_frames(path, f"{where}images", table["images"])
         if len(given) != 1:
             told = "comes without a background" if not given else f"comes with {' and '.join(given)}"
@@ -57,12 +75,36 @@ def read_view(path: Path, name: str, table: Mapping[str, Any], fps: float, clean
         except ValueError as error:
             told = str(error)
             raise error if told.startswith(str(path.parent)) else fault(path, f"{where}{given[0]}", told) from None
-        matte = CutOut(background, cleaning)
+        matte: Matte = CutOut(background, cleaning)
     offset = table.get("offset", 0)
     if type(offset) is not int or abs(offset) > 10**9:
         raise fault(path, f"{where}offset", f"is {reprlib.repr(offset)}; give a whole number of images")
     own = rate(path, f"{where}fps", table["fps"], "images per second") if "fps" in table else fps
     return View(name, frames, matte, offset, own / fps)
+
+
+def _masks(path: Path, where: str, frames: Frames, person: Any) -> tuple[Frames, Matte]:
+    """A view's masks, and what is the person in them."""
+    rule = rule_of(frames) if person is None else rule_for(frames, _person(path, f"{where}person", person))
+    if rule.matte is None:
+        told = f"{rule.told}, person = {person_text(rule.person)}" if rule.person else rule.told
+        raise fault(path, f"{where}{'masks' if person is None else 'person'}", told)
+    return rule.frames, rule.matte
+
+
+def _person(path: Path, key: str, value: Any) -> Person:
+    """Check values or colours of the person."""
+    if isinstance(value, list) and 0 < len(value) <= _MOST_VALUES:
+        if all(type(number) is int and 0 <= number <= 65535 for number in value):
+            return tuple(value)
+        if all(_is_colour(colour) for colour in value):
+            return tuple(tuple(colour) for colour in value)
+    wanted = "values of the masks, [2, 18], or colours, [[255, 0, 0]]"
+    raise fault(path, key, f"is {reprlib.repr(value)}; give {wanted}")
+
+
+def _is_colour(value: Any) -> bool:
+    return isinstance(value, list) and len(value) == 3 and all(type(v) is int and 0 <= v <= 255 for v in value)
 
 
 def open_frames(path: Path, key: str, value: Any) -> Frames:
@@ -111,10 +153,9 @@ def _background(path: Path, where: str, key: str, value: Any, frames: Frames, sh
         return plate_of(images, shadows)
     if value is True:
         return plate_of(_some(frames), shadows) if key == "median" else backdrop_of(_some(frames))
-    if key == "backdrop" and isinstance(value, list) and len(value) == 3:
-        if all(type(level) is int and 0 <= level <= 255 for level in value):
-            red, green, blue = value
-            return backdrop_of_colour(blue, green, red)
+    if key == "backdrop" and _is_colour(value):
+        red, green, blue = value
+        return backdrop_of_colour(blue, green, red)
     wanted = (
         "true" if key == "median" else "true, or its colour as it looks in the light, [red, green, blue] of 0 to 255"
     )

@@ -4,14 +4,12 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from ._archive import fault
 from ._view_table import open_frames
 from .calibrations import Contents, contents_of
 from .folders import RECORDING_FILE
 from .view_sets import ViewSet, find_view_sets
-from .views import Frames, Masks
+from .views import Frames, rule_of
 
 
 @dataclass(frozen=True)
@@ -187,18 +185,12 @@ def _rate(folder: Path, frames: dict[str, Frames]) -> float:
 
 def _view_lines(name: str, text: str, view: Frames, others: list[ViewSet], doubts: list[str]) -> list[str]:
     """What a view's images are: masks, or in colour with what there is for a background."""
-    first, last = view.span
-    image = view.read((first + last) // 2)
-    image = view.read(first) if image is None else image
-    assert image is not None  # the first image is there
-    try:
-        mask = Masks(ones=True).foreground(image)
-        grey = image if image.ndim == 2 else image[..., 1]
-        is_mask = np.isclose(grey.astype(float), np.where(mask, grey.max(), 0), atol=32).mean() > 0.95
-    except ValueError:
-        is_mask = False
-    if is_mask:
-        return [f"masks = {_quoted(text)}"]
+    doubts += [f"{name}: {note}" for note in view.notes]
+    rule = rule_of(view)
+    if not rule.is_picture:
+        lines = rule.lines()
+        doubts += [f"{name}: {rule.told}"] if rule.told else []
+        return [f"masks = {_quoted(text)}", *lines]
     plate = next((found.sources[name] for found in others if found.is_background and name in found.sources), None)
     if plate is not None:
         return [f"images = {_quoted(text)}", f"plate = {_quoted(plate)}"]

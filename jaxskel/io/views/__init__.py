@@ -5,7 +5,13 @@ from ._cut_out import in_colour as in_colour
 from ._frames import Frames as Frames
 from ._image_folder import ImageFolder as ImageFolder
 from ._image_folder import is_image as is_image
+from ._image_folder import unread_suffixes as unread_suffixes
 from ._mask_archive import MaskArchive as MaskArchive
+from ._mask_rule import MaskRule as MaskRule
+from ._mask_rule import Person as Person
+from ._mask_rule import person_text as person_text
+from ._mask_rule import rule_for as rule_for
+from ._mask_rule import rule_of as rule_of
 from ._masks import Masks as Masks
 from ._masks import Matte as Matte
 from ._video import VIDEO_SUFFIXES as VIDEO_SUFFIXES

@@ -1,5 +1,6 @@
 """Where a camera's images come from."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
@@ -27,8 +28,26 @@ class Frames(Protocol):
         ...
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """What a person should know of how the images were numbered."""
+        ...
+
+    @property
+    def numbers(self) -> Sequence[int]:
+        """Numbers of all images, in ascending order."""
+        ...
+
+    @property
     def fps(self) -> float | None:
         """Images per second, where the file says it."""
+        ...
+
+    def keeps_values(self) -> bool:
+        """Whether pixels are as they were written, so that a 1 is a 1."""
+        ...
+
+    def named(self, number: int) -> str:
+        """What an image is called, for messages."""
         ...
 
     def read(self, number: int) -> Shaped[np.ndarray, "h w *channels"] | None:

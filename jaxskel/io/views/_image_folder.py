@@ -1,19 +1,26 @@
 """A folder with an image file for each frame."""
 
 import re
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Shaped
 
 from .._archive import fault
-from .._images import read_image
+from .._images import Indexed, keeps_values, read_image, read_indexed
+from ._frame_numbers import number_images
 
-SUFFIXES = (".png", ".bmp", ".tif", ".tiff", ".jpg", ".jpeg")
+SUFFIXES = (".png", ".bmp", ".tif", ".tiff", ".jpg", ".jpeg", ".webp", ".gif", ".pbm", ".pgm", ".ppm", ".pnm")
+"""Of the images that are read."""
+UNREAD_SUFFIXES = (".heic", ".heif", ".avif", ".jp2", ".j2k", ".jpf", ".jpx", ".jxl", ".exr", ".hdr", ".pfm", ".pam",
+                   ".tga", ".psd", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2", ".raw", ".dcm",
+                   ".svg")  # fmt: skip
+"""Of images that are not read."""
 
 
 class ImageFolder:
-    """Images that carry their frame's number at the end of their name: ``000012.png``, ``cam1_12.png``."""
+    """Images that carry their frame's number in their name: ``000012.png``, ``cam1_12.png``, ``12_640x480.png``."""
 
     fps = None
 
@@ -21,24 +28,22 @@ class ImageFolder:
         """List the files; images are read when they are asked for, but for the first, whose size all must have.
 
         Raises:
-            ValueError: One line, where there are none, or two of the same number.
+            ValueError: One line, where there are none, or their names do not say which frames they are.
         """
         self.path = path
-        self._files: dict[int, Path] = {}
         try:
-            files = sorted(file for file in path.iterdir() if is_image(file))
+            files = sorted(path.iterdir())
         except OSError as error:
             raise fault(path, None, f"cannot be read ({error.strerror}); check the path") from None
-        for file in files:
-            digits = re.search(r"(\d+)\D*$", file.stem)
-            if digits is None or len(digits[1]) > 9:
-                raise fault(file, None, "has no frame number in its name; call it 000000.png, 000001.png, ...")
-            number = int(digits[1])
-            if number in self._files:
-                raise fault(file, None, f"is frame {number}, as {self._files[number].name} is; remove one of them")
-            self._files[number] = file
-        if not self._files:
+        images = [file for file in files if is_image(file)]
+        unread = unread_suffixes(files if not images else _numbered_alone(files, images))
+        if unread:
+            kinds = " and ".join(unread)
+            raise fault(path, None, f"there are {kinds} images, which are not read; convert them to PNG")
+        if not images:
             raise fault(path, None, f"holds no images ({', '.join(SUFFIXES)}); check the path")
+        numbered = number_images(path, images)
+        self._files, self.notes = numbered.files, numbered.notes
         height, width = read_image(self._files[self.span[0]]).shape[:2]
         self.size = width, height
 
@@ -48,9 +53,18 @@ class ImageFolder:
         return min(self._files), max(self._files)
 
     @property
-    def lossless(self) -> bool:
-        """Whether a 0 is a 0."""
-        return not any(file.suffix.lower() in (".jpg", ".jpeg") for file in self._files.values())
+    def numbers(self) -> list[int]:
+        """Numbers of all images, in ascending order."""
+        return list(self._files)
+
+    def keeps_values(self) -> bool:
+        """Whether a 1 is a 1, as in a PNG; by the first image of each kind."""
+        firsts = {file.suffix.lower(): file for file in reversed(self._files.values())}
+        return all(keeps_values(file) for file in firsts.values())
+
+    def named(self, number: int) -> str:
+        """The name of an image's file."""
+        return self._files[number].name
 
     def read(self, number: int) -> Shaped[np.ndarray, "h w *channels"] | None:
         """An image; None where there is no file of this number."""
@@ -58,13 +72,36 @@ class ImageFolder:
         if file is None:
             return None
         image = read_image(file)
+        self._check_size(file, image)
+        return image
+
+    def read_indexed(self, number: int) -> Indexed | None:
+        """An image as indices of its palette; None where it has none, or there is no file of this number."""
+        file = self._files.get(number)
+        indexed = None if file is None else read_indexed(file)
+        if file is not None and indexed is not None:
+            self._check_size(file, indexed.indices)
+        return indexed
+
+    def _check_size(self, file: Path, image: Shaped[np.ndarray, "h w *channels"]) -> None:
         height, width = image.shape[:2]
         if (width, height) != self.size:
             first = self._files[self.span[0]].name
             raise fault(file, None, f"is {width} x {height} px, but {first} {self.size[0]} x {self.size[1]}")
-        return image
 
 
 def is_image(file: Path) -> bool:
     """Whether a file is an image by its name, and not a hidden one."""
     return file.suffix.lower() in SUFFIXES and not file.name.startswith(".")
+
+
+def unread_suffixes(files: Iterable[Path]) -> list[str]:
+    """Kinds of images among these files, by their names, that are not read."""
+    suffixes = {file.suffix.lower() for file in files if not file.name.startswith(".")}
+    return sorted(suffixes & set(UNREAD_SUFFIXES))
+
+
+def _numbered_alone(files: list[Path], images: list[Path]) -> Iterator[Path]:
+    """Files that may be frames of their own, and not what a camera keeps beside an image."""
+    stems = {image.stem for image in images}
+    return (file for file in files if file.stem not in stems and re.search("[0-9]", file.stem))

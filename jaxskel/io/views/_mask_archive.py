@@ -1,16 +1,17 @@
 """Masks of a camera in a NumPy archive that holds an array for each camera."""
 
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Shaped, UInt8, UInt16
 
 from .._archive import StoredRows, fault, numbers, read_arrays
 from .._bounded import check_pixels
 
 
 class MaskArchive:
-    """The array of one camera: masks (frames, h, w) of 0 and 1 or 255.
+    """The array of one camera: masks (frames, h, w), bools, whole numbers, or how sure it is of each pixel, 0 to 1.
 
     Beside an array ``NAME_shape`` with these three numbers, ``NAME`` is what `numpy.packbits` made of the last axis.
     """
@@ -27,8 +28,10 @@ class MaskArchive:
         self._rows = StoredRows(path, name)
         shape, dtype = self._rows.shape, self._rows.dtype
         stated = read_arrays(path, (), (f"{name}_shape",))
-        if len(shape) != 3 or dtype not in (np.uint8, np.bool_) or 0 in shape:
+        if len(shape) != 3 or dtype.kind not in "buif" or 0 in shape:
             raise fault(path, name, f"{dtype} of shape {shape}; give uint8 (frames, h, w)")
+        if stated and dtype not in (np.uint8, np.bool_):
+            raise fault(path, name, f"{dtype}, but beside {name}_shape packed bits are expected; give uint8")
         self._packed = bool(stated)
         frames, height, width = shape
         if stated:
@@ -40,11 +43,58 @@ class MaskArchive:
         self.size = width, height
         self.span = 0, frames - 1
 
-    def read(self, number: int) -> UInt8[np.ndarray, "h w"] | None:
-        """A mask of 0 and 255; None outside of the array."""
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """None."""
+        return ()
+
+    @property
+    def numbers(self) -> range:
+        """All from 0."""
+        return range(self.span[1] + 1)
+
+    @property
+    def is_binary(self) -> bool:
+        """Whether it is of bools or bits, which are read as 0 and 255."""
+        return self._packed or self._rows.dtype == np.bool_
+
+    def keeps_values(self) -> bool:
+        """Whether values are as they were written, also where they have been rounded."""
+        return True
+
+    def named(self, number: int) -> str:
+        """Where a mask stands in the archive."""
+        return f"{self._rows.key}[{number}]"
+
+    def read(self, number: int) -> UInt8[np.ndarray, "h w"] | UInt16[np.ndarray, "h w"] | None:
+        """A mask, 0 and 255 where it is of bools or bits; None outside of the array."""
         if not 0 <= number <= self.span[1]:
             return None
         row = self._rows.read(number, number + 1)[0]
         if self._packed:
             return np.unpackbits(row, axis=-1, count=self.size[0]) * np.uint8(255)
-        return np.where(row > 127 if row.max() > 1 else row > 0, np.uint8(255), np.uint8(0))
+        if row.dtype == np.bool_:
+            return row * np.uint8(255)
+        return row if row.dtype == np.uint8 else self._in_whole_numbers(row, number)
+
+    def _in_whole_numbers(self, row: Shaped[np.ndarray, "h w"], number: int) -> UInt16[np.ndarray, "h w"]:
+        """Parts of 1 as parts of 255, and what is a whole number already as it is."""
+        least, most = float(row.min()), float(row.max())
+        if not (least >= 0 and most <= 65535):  # nor NaN
+            value = least if not least >= 0 else most
+            raise fault(self.path, self._rows.key, f"holds {value:g} in frame {number}; give 0 to 65535, or 0.0 to 1.0")
+        if row.dtype.kind == "f":
+            row = np.rint(row.astype(np.float64) * (255 if self._is_part else 1))
+            if self._is_part and most > 1:
+                raise fault(self.path, self._rows.key, f"holds {most:g} in frame {number}, but others 0.0 to 1.0")
+        return row.astype(np.uint16)
+
+    @cached_property
+    def _is_part(self) -> bool:
+        """Whether numbers with a point are parts of 1: so it is where a few masks hold none that is larger."""
+        chosen = np.unique(np.linspace(0, self.span[1], _SAMPLES).astype(int)).tolist()
+        return all(self._rows.read(number, number + 1).max() <= 1 for number in chosen)
+
+
+# Masks that are looked at to tell parts of 1 from parts of 255.
+_SAMPLES = 8

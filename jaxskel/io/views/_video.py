@@ -1,5 +1,6 @@
 """A video file."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -11,6 +12,8 @@ from .._capture import grab, opened, retrieve, size_of
 
 VIDEO_SUFFIXES = (".avi", ".mp4", ".mov", ".mkv", ".m4v", ".webm", ".mpg", ".mpeg", ".wmv")
 _MOST_FRAMES = 10_000_000  # a day at 100 frames a second: a header that claims more is damaged
+# Codes of codecs that keep values, if only where colours are not halved.
+_LOSSLESS = (b"FFV1", b"HFYU", b"FFVH", b"LAGS", b"MPNG", b"PNG ", b"DIB ", b"BGR\x18", bytes(4))
 
 
 class Video:
@@ -25,6 +28,7 @@ class Video:
         self.path = path
         self._capture = opened(path)
         self._next = 0
+        self._last_image = None
         self.size = size_of(self._capture)
         rate = self._capture.get(cv2.CAP_PROP_FPS)
         self.fps = float(rate) if np.isfinite(rate) and 0 < rate < 1e5 else None
@@ -33,6 +37,38 @@ class Video:
         if count == 0 or min(self.size) < 1:
             raise fault(path, None, "holds no frame that can be read; it is damaged or cut short: write it again")
         self.span = 0, count - 1
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """None."""
+        return ()
+
+    @property
+    def numbers(self) -> range:
+        """All from 0."""
+        return range(self.span[1] + 1)
+
+    def keeps_values(self) -> bool:
+        """Whether its codec keeps values."""
+        code = int(self._capture.get(cv2.CAP_PROP_FOURCC)) & 0xFFFFFFFF
+        return code.to_bytes(4, "little").upper() in _LOSSLESS
+
+    def named(self, number: int) -> str:
+        """Its frame's number."""
+        return f"frame {number}"
+
+    def glimpses(self) -> Iterator[UInt8[np.ndarray, "h w 3"]]:
+        """Frames near the end, the beginning and the middle, as far as they can be read."""
+        image, self._last_image = self._last_image, None
+        if image is not None:
+            yield image
+        try:
+            for number in (0, self.span[1] // 2):
+                image = retrieve(self._capture) if self._sought(number) else None
+                if image is not None and image.shape[1::-1] == self.size:
+                    yield image
+        finally:
+            self._restart()
 
     def read(self, number: int) -> UInt8[np.ndarray, "h w 3"] | None:
         """A frame: blue, green, red; None outside of the video."""
@@ -58,13 +94,20 @@ class Video:
 
     def _has(self, last: int) -> bool:
         """Whether the last frame is there: headers are written before, and some claim more."""
-        try:
-            self._capture.set(cv2.CAP_PROP_POS_FRAMES, last)
-            there = grab(self._capture)
-        except cv2.error:
-            there = False
+        there = self._sought(last)
+        if there:
+            image = retrieve(self._capture)
+            self._last_image = image if image is not None and image.shape[1::-1] == self.size else None
         self._restart()
         return there
+
+    def _sought(self, number: int) -> bool:
+        """Go to a frame; in some codecs it is one near it."""
+        try:
+            self._capture.set(cv2.CAP_PROP_POS_FRAMES, number)
+        except cv2.error:
+            return False
+        return grab(self._capture)
 
     def _counted(self) -> int:
         count = 0

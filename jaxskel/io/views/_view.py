@@ -36,14 +36,15 @@ class View:
         Raises:
             ValueError: One line that names the file, and the frame where the image cannot be used.
         """
-        image = self.frames.read(self._image_of(frame))
+        number = self._image_of(frame)
+        image = self.frames.read(number)
         if image is None:
             width, height = self.frames.size
             return np.zeros((height, width), bool)
         try:
             return self.matte.foreground(image)
         except ValueError as error:
-            raise fault(self.frames.path, None, f"image {self._image_of(frame)}: {error}") from None
+            raise fault(self.frames.path, None, f"{self.frames.named(number)} {error}") from None
 
     def _image_of(self, frame: int) -> int:
         """The image taken nearest in time."""
