@@ -1,14 +1,15 @@
-"""What was done to a camera's images after it was calibrated: turned, cropped or padded, scaled. And its inverse.
+"""What was done to a camera's images after it was calibrated: turned, cropped or padded, scaled.
 
-In this order. Turned by quarter turns, the image (px) is cut out of, or padded to reach beyond, what was calibrated, and
-scaled at last. With integers at the centres of pixels, a point ``(u, v)`` of the calibrated image of ``w`` by ``h`` px is
+In this order. Images are turned by quarter turns, then cut out of what was calibrated, or padded to reach beyond it,
+and scaled at last. With integers at the centres of pixels, a point ``(u, v)`` of the calibrated image, which has ``w``
+by ``h`` px, is in the image at
 
     turn = 90:   (h - 1 - v, u)        clockwise
     turn = 180:  (w - 1 - u, h - 1 - v)
     turn = 270:  (v, w - 1 - u)
     crop, scale: u' = scale_x (u - x + 0.5) - 0.5, v' = scale_y (v - y + 0.5) - 0.5
 
-in the image. A camera that makes these images has other intrinsics and, where they were turned, is turned about its axis.
+A camera that makes these images has other intrinsics and, where they were turned, is turned about its axis.
 """
 
 from collections.abc import Sequence

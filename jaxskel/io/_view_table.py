@@ -16,7 +16,10 @@ from ._images import read_image
 from ._toml import check_known
 from .views import CutOut, Frames, ImageFolder, MaskArchive, Masks, Matte, Video, View, in_colour, is_image
 
-KEYS = ("masks", "images", "plate", "median", "backdrop", "camera", "calibrated_size", "offset", "fps")
+KEYS = (
+    "masks", "images", "plate", "median", "backdrop", "camera", "turn", "crop", "scale", "calibrated_size", "offset",
+    "fps",
+)  # fmt: skip
 _BACKGROUNDS = ("plate", "median", "backdrop")
 # Of a recording's own images, so many make its background: a median of more is no better.
 _SAMPLES = 50
