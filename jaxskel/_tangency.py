@@ -46,57 +46,64 @@ def convex_outline(packed: UInt8[np.ndarray, "h w8"], width: int, height: int) -
 
 
 def tangent_misses(
-    cameras: Cameras, outlines: Mapping[tuple[int, int], ConvexOutline]
-) -> dict[tuple[int, int], list[float]]:
-    """By how much the outermost planes of each pair of views miss each other in each frame.
+    cameras: Cameras, outlines: Mapping[tuple[int, int], ConvexOutline], frames: int
+) -> Float[np.ndarray, "pairs frames 2"]:
+    """By how much the outermost planes of each pair of views miss each other in each frame, on either side.
 
     Args:
         cameras: The rig.
-        outlines: By frame and view.
+        outlines: By frame and view; those that are missing are of views without a person.
+        frames: How many frames there are.
 
     Returns:
-        By the two views, the misses of all frames: angles between planes over the standard deviation that they have if
-        each ray errs by a pixel, so about px.
+        Angles between planes over the standard deviation that they have if each ray errs by a pixel, so about px. In
+        the order of `pairs_of`; NaN where an edge of the image cuts the person off, or no plane is outermost.
     """
     centres, focal = cameras.centres, np.asarray(cameras.K)[:, [0, 1], [0, 1]].mean(1)
     seen = {key: rays(cameras, key[1], outline.uv) for key, outline in outlines.items()}
-    misses: dict[tuple[int, int], list[float]] = {}
-    for one, other in combinations(range(len(cameras)), 2):
+    pairs = pairs_of(len(cameras))
+    misses = np.full((len(pairs), frames, 2), np.nan)
+    for place, (one, other) in enumerate(pairs):
         baseline = centres[other] - centres[one]
         length = np.linalg.norm(baseline)
-        found = misses.setdefault((one, other), [])
-        if length < 1e-9:
-            continue
-        for frame in sorted({f for f, view in outlines if view == one} & {f for f, view in outlines if view == other}):
+        for frame in range(frames):
             first, second = (frame, one), (frame, other)
-            middle = np.nanmean(seen[first], 0)
-            found += _between(
-                (seen[first], seen[second]), (outlines[first].cut, outlines[second].cut), baseline / length, middle,
-                (focal[one], focal[other]),
-            )  # fmt: skip
+            if length > 0 and first in seen and second in seen:
+                edges = outlines[first].cut, outlines[second].cut
+                both = seen[first], seen[second]
+                misses[place, frame] = _between(both, edges, baseline / length, (focal[one], focal[other]))
     return misses
+
+
+def pairs_of(views: int) -> list[tuple[int, int]]:
+    """All pairs of so many views."""
+    return list(combinations(range(views), 2))
 
 
 def _between(
     seen: tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "m 3"]],
     cut: tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, " m"]],
     baseline: Float[np.ndarray, "3"],
-    middle: Float[np.ndarray, "3"],
     focal: tuple[float, float],
-) -> list[float]:
+) -> tuple[float, float]:
     """The misses of one pair of views in one frame."""
+    middle = seen[0].mean(0)
     ahead = middle - (middle @ baseline) * baseline
-    ahead = ahead / np.linalg.norm(ahead)
+    ahead = ahead / max(float(np.linalg.norm(ahead)), 1e-12)
     side = np.cross(baseline, ahead)
     angles = [np.arctan2(directions @ side, directions @ ahead) for directions in seen]
-    if not max(np.abs(angle).max() for angle in angles) < _WIDEST:  # nor where a lens shows nothing one-to-one
-        return []
-    found = []
-    for outermost in (np.argmax, np.argmin):
+    # NaN, where a lens shows nothing one-to-one, compares false.
+    if not max(np.abs(angle).max() for angle in angles) < _WIDEST:
+        return np.nan, np.nan
+    found = [np.nan, np.nan]
+    for number, outermost in enumerate((np.argmax, np.argmin)):
         places = [int(outermost(angle)) for angle in angles]
         if any(edge[place] for edge, place in zip(cut, places, strict=True)):
             continue
-        across = [np.linalg.norm(np.cross(baseline, rays[place])) for rays, place in zip(seen, places, strict=True)]
+        across = [
+            np.linalg.norm(np.cross(baseline, directions[place]))
+            for directions, place in zip(seen, places, strict=True)
+        ]
         spread = np.hypot(1 / (focal[0] * across[0]), 1 / (focal[1] * across[1]))
-        found.append(float(abs(angles[0][places[0]] - angles[1][places[1]]) / spread))
-    return found
+        found[number] = float(abs(angles[0][places[0]] - angles[1][places[1]]) / spread)
+    return found[0], found[1]
