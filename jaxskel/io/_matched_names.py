@@ -23,8 +23,10 @@ class Match:
 
 
 def match_names(views: Sequence[str], cameras: Sequence[str]) -> Match:
-    """The camera of each view, by names that differ in case, signs and leading zeros only, by what is their own in the
-    names of all, or by their numbers; by order where they are as many and names tell nothing.
+    """The camera of each view.
+
+    By names that differ in case, signs and leading zeros only, by what names have of their own beside what all have, or
+    by numbers in them; by order where views and cameras are as many and names tell nothing.
 
     Raises:
         ValueError: Why views and cameras cannot be told to go together, a part of a line.

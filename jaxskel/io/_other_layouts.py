@@ -61,8 +61,9 @@ def folder_of_each_frame(folder: Path, found: ViewSet, cameras: Sequence[str]) -
         return None
     suffix = os.path.splitext(files[0])[1]
     return (
-        f"{found.pattern} has a folder for each frame with a file for each camera ({', '.join(stems)}), and each camera "
-        f'needs a folder of its own; in a shell there: for f in {found.pattern}/*{suffix}; do d=views/$(basename "$f" '
+        f"{found.pattern} has a folder for each frame with a file for each camera ({', '.join(stems)}), and each "
+        f"camera needs a folder of its own; in a shell there: for f in {found.pattern}/*{suffix}; do "
+        f'd=views/$(basename "$f" '
         f'{suffix}); mkdir -p "$d"; cp "$f" "$d/$(basename "$(dirname "$f")"){suffix}"; done'
     )
 

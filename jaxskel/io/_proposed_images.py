@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from .._camera import Cameras
-from .._image_change import with_images_changed
+from .._image_change import ImageChange, with_images_changed
 from .._tangency import ConvexOutline, convex_outline
 from ._archive import fault
 from ._found_inputs import Found
@@ -22,11 +22,15 @@ _SAMPLES, _OF_VIDEO = 12, 600
 
 @dataclass(frozen=True)
 class ProposedImages:
-    """Lines for each view, and the cameras that make its images."""
+    """What a `recording.toml` says of the images, and the cameras that make them."""
 
     lines: dict[str, list[str]]
+    """For each view."""
     doubts: tuple[str, ...]
+    calibrated: Cameras
+    """As they were calibrated."""
     cameras: Cameras
+    """As the images are."""
 
 
 def proposed_images(
@@ -48,10 +52,7 @@ def proposed_images(
     entries = {entry.name: entry for entry in found.contents.entries}
     names = [found.cameras[view.name] for view in views]
     images = [(float(view.frames.size[0]), float(view.frames.size[1])) for view in views]
-    calibrated = [
-        image if (size := entries[name].size) is None or min(size) < 1 else size
-        for name, image in zip(names, images, strict=True)
-    ]
+    calibrated = [entries[name].size or image for name, image in zip(names, images, strict=True)]
     unknown = {name: view.frames.size for name, view in zip(names, views, strict=True) if entries[name].size is None}
     rig = validated(path.parent / found.calibration, found.contents, found.contents.unit or 1.0, unknown).cameras
     rig = rig[[rig.names.index(name) for name in names]]
@@ -61,12 +62,14 @@ def proposed_images(
     if done.doubt:
         doubts.append(done.doubt)
     lines: dict[str, list[str]] = {}
+    written: dict[str, list[str]] = {}
     for view, choice, image, size in zip(views, done.choices, images, calibrated, strict=True):
         own = choice.lines(image, size)
         lines[view.name] = [f"{line}  # CHECK: {done.told}" for line in own[:1]] + own[1:]
         if own:
             sizes = f"images are {image[0]:g} x {image[1]:g} px, calibrated are {size[0]:g} x {size[1]:g}"
-            doubts.append(f"{view.name}: {sizes}; {', '.join(own)} is written: {done.told}")
+            written.setdefault(f"{sizes}; {', '.join(own)} is written: {done.told}", []).append(view.name)
+    doubts += [f"{', '.join(alike)}: {told}" for told, alike in written.items()]
     cameras = with_images_changed(
         rig,
         [choice.change for choice in done.choices],
@@ -74,7 +77,7 @@ def proposed_images(
         np.array([view.frames.size for view in views]),
         [entries[name].fisheye for name in names],
     )
-    return ProposedImages(lines, tuple(doubts), cameras)
+    return ProposedImages(lines, tuple(doubts), rig, cameras)
 
 
 def _settled(path: Path, seen: SeenViews, names: Sequence[str], given: ImageChange | None) -> Settled:

@@ -1,6 +1,9 @@
 """The axis that points up: what a format says by its habit is held against the cameras, which people mount upright."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from .._camera import Cameras
 from .._recording import UP_AXES
@@ -26,15 +29,16 @@ class ProposedUp:
     doubts: tuple[str, ...] = ()
 
 
-def proposed_up(source: str, contents: Contents, cameras: Cameras) -> ProposedUp:
+def proposed_up(source: str, contents: Contents, cameras: Sequence[Cameras]) -> ProposedUp:
     """Choose the axis that points up.
 
     Args:
         source: The calibration's name, for messages.
         contents: What it says.
-        cameras: The rig as its images are now.
+        cameras: The rig as it was calibrated and as its images are now. Images were turned either because the cameras
+            are mounted so, or by mistake: it stands upright where they are more alike.
     """
-    direction = upright(cameras)
+    direction = max((upright(each) for each in cameras), key=lambda mean: round(float(np.linalg.norm(mean)), 3))
     along = {axis: float("+-".find(axis[0]) * -2 + 1) * float(direction["XYZ".index(axis[1])]) for axis in UP_AXES}
     seen = max(along, key=lambda axis: along[axis])
     is_clear = along[seen] > _CLEAR

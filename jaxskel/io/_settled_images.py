@@ -13,9 +13,8 @@ from .._tangency import ConvexOutline, pairs_of, tangent_misses
 from ._size_choices import Choice, Size, choices_for
 
 # A choice wins if the median miss (px) of another is larger by this factor, and by this much, which pixels do by
-# themselves, and if it has the smaller miss in so many more tangents than half of them that chance does that only once
-# in a thousand times (standard deviations).
-_CLEARLY, _PIXELS, _SIGMAS = 1.15, 0.03, 3.0
+# themselves, and if the tangents' misses have not become larger by chance (standard deviations of the mean ratio).
+_CLEARLY, _PIXELS, _SIGMAS = 1.15, 0.03, 2.5
 # Fewer tangents say nothing.
 _LEAST_TANGENTS = 20
 # Planes miss each other by less than this part of a person's height, even where masks are poor and cameras, too.
@@ -182,13 +181,14 @@ def _is_clear(best: Misses, other: Misses) -> bool:
         return False
     both = np.isfinite(best) & np.isfinite(other)
     if both.sum() < _LEAST_TANGENTS:
-        return not np.isfinite(_median(other))
-    share = float((best < other)[both].mean())
+        return not bool(np.isfinite(_median(other)))
+    # Logarithms, because blobs in a mask make misses of any size.
+    ratios = np.log((other[both] + _PIXELS) / (best[both] + _PIXELS))
     # Those of one silhouette with all others err together: of n views there are as many for themselves as silhouettes
     # have sides, of n (n - 1) / 2 pairs.
     views = (1 + np.sqrt(1 + 8 * len(best))) / 2
     independent = both.sum() * min(1.0, views / len(best))
-    return (share - 0.5) * 2 * np.sqrt(independent) > _SIGMAS
+    return bool(ratios.mean() * np.sqrt(independent) > _SIGMAS * ratios.std())
 
 
 def _are_alike(seen: SeenViews, one: Sequence[Choice], other: Sequence[Choice]) -> bool:

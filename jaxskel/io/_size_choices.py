@@ -1,5 +1,6 @@
 """What may have been done to images whose size is not that of the calibrated ones."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,13 +77,15 @@ def choices_for(calibrated: Size, image: Size) -> list[Choice]:
         across, down = image[0] / width, image[1] / height
         turned = f"turned by {turn} degrees clockwise" if turn else ""
         is_one = abs(across / down - 1) < _ONE_SCALE
+        if turn and (across, down) == (1, 1):
+            found.append(Choice(turned, ImageChange(turn)))
+            continue
         is_block = all(_is_block(*lengths) for lengths in ((width, image[0]), (height, image[1])))
         if is_block:
             found.append(Choice(_joined(turned, "cut or padded at the right or bottom"), ImageChange(turn), usual=True))
         if is_one or not turn:
             scaled = "scaled" if is_one else "scaled across and down by different factors"
-            told = _joined(turned, scaled if (across, down) != (1, 1) else "")
-            found.append(Choice(told, ImageChange(turn, scale=(across, down))))
+            found.append(Choice(_joined(turned, scaled), ImageChange(turn, scale=(across, down))))
         if turn and not is_block:
             continue
         for where, part in (("on both sides", 0.5), ("at the right or bottom", 0.0), ("at the left or top", 1.0)):
@@ -103,7 +106,7 @@ def choices_for(calibrated: Size, image: Size) -> list[Choice]:
 def _is_block(calibrated: float, image: float) -> bool:
     """Whether one length is the other, or the other filled up to whole blocks (px)."""
     less, more = sorted((calibrated, image))
-    return less == more or more == _BLOCK * np.ceil(less / _BLOCK)
+    return less == more or more == _BLOCK * math.ceil(less / _BLOCK)
 
 
 def _joined(*parts: str) -> str:

@@ -57,7 +57,7 @@ def propose_recording(
     described = described_views(path, table)
     frames = _frames(path, table, described, doubts)
     images = proposed_images(path, found, described, frames or described_span(path, table, described), change)
-    up = proposed_up(found.calibration, found.contents, images.cameras)
+    up = proposed_up(found.calibration, found.contents, (images.calibrated, images.cameras))
     doubts += [*images.doubts, *up.doubts]
     text = _Draft(found, offsets, frames, up.axis, up.comment, images).text()
     described_recording(path, _parsed(path, text), described, IN_MEMORY)
