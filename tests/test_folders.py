@@ -6,6 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from drawn import chain, film
 
 from jaxskel import Recording, default_adult, make_cameras, project, unpack_silhouettes
 from jaxskel._image_change import ImageChange
@@ -17,14 +18,12 @@ FRAMES = 6
 
 
 def a_recording() -> Recording:
-    """Three cameras, and in each a bar that walks."""
+    """Three cameras, and in each a leaning capsule that walks."""
     cameras = camera_ring(count=3, size=SIZE)
     cameras = make_cameras(cameras.K, cameras.R, cameras.t, cameras.size, names=["left", "front", "right"])
-    masks = np.zeros((FRAMES, 3, SIZE[1], SIZE[0]), bool)
-    for frame in range(FRAMES):
-        for camera in range(3):
-            masks[frame, camera, 5:25, frame + 4 * camera : frame + 4 * camera + 6] = True
-    return Recording(cameras, np.packbits(masks, axis=-1), 25.0, "+Z", np.arange(FRAMES))
+    places = np.linspace(-0.3, 0.3, FRAMES)
+    bodies = [chain([place, 0.1, 0.5], [place + 0.4, -place, 1.4], 0.25) for place in places]
+    return Recording(cameras, film(cameras, bodies), 25.0, "+Z", np.arange(FRAMES))
 
 
 def masks_of(recording: Recording, camera: int) -> np.ndarray:

@@ -21,7 +21,7 @@ def in_other_world(axis: list[int]) -> Cameras:
 def sideways(turns: list[int]) -> Cameras:
     """Cameras that are turned by quarter turns about their own axes."""
     found = rig()
-    R = Rotation.from_euler("z", 90.0 * np.array(turns), degrees=True).as_matrix()
+    R = Rotation.from_rotvec(np.outer(np.array(turns) * np.pi / 2, [0, 0, 1])).as_matrix()
     return make_cameras(found.K, R @ found.R, np.einsum("cij,cj->ci", R, found.t), found.size)
 
 

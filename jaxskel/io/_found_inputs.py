@@ -120,13 +120,15 @@ def _views(folder: Path, pattern: str | None, cameras: list[str]) -> tuple[ViewS
             return wanted[0], match_names(list(wanted[0].sources), cameras), _without(sets, wanted[0])
         except ValueError as error:
             raise fault(folder, None, f"--views {pattern}: {error}") from None
-    for found in sets:
-        told = folder_of_each_frame(folder, found, cameras)
-        if told is not None:
-            raise fault(folder, None, told)
-    fitting = [(found, match) for found in sets if (match := _matched(found, cameras)) is not None]
+    of_frames = {found.pattern: told for found in sets if (told := folder_of_each_frame(folder, found, cameras))}
+    fitting = [
+        (found, match)
+        for found in sets
+        if found.pattern not in of_frames and (match := _matched(found, cameras)) is not None
+    ]
     if not fitting:
-        raise fault(folder, None, all_in_one(folder, cameras) or _nothing(sets, cameras))
+        told = next(iter(of_frames.values()), None) or all_in_one(folder, cameras)
+        raise fault(folder, None, told or _nothing(sets, cameras))
     # The surest first: names tell which camera is which, and for each view there is one; then what the images show;
     # then what their names say, which never leaves nothing.
     shown = {id(found): _shows_masks(folder, found) for found, _ in fitting} if len(fitting) > 1 else {}

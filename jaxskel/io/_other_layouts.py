@@ -2,6 +2,7 @@
 
 import os
 import re
+import shlex
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -28,13 +29,16 @@ def all_in_one(folder: Path, cameras: Sequence[str]) -> str | None:
             names = Counter(match[1].strip("_-. ") for match in found)
             if len(found) < len(files) or len(names) < 2 or not _go_together(list(names), cameras):
                 continue
-            told = place.relative_to(folder).as_posix()
-            suffix = found[0][2]
-            cut = "${f%[-_]*}" if is_first else f'{told}/$(basename "${{f#*[-_]}}" {suffix})'
+            told, suffix = place.relative_to(folder).as_posix(), found[0][2]
+            at = _for_shell(told)
+            of_camera, of_frame = r"s/[-_. ]*[0-9]*$//", r"s/.*[^0-9]//"
+            if not is_first:
+                of_camera, of_frame = r"s/^[0-9]*[-_. ]*//", r"s/[^0-9].*//"
             return (
                 f"{told} holds the images of {len(names)} cameras ({', '.join(sorted(names))}) in one folder, and each "
-                f'needs a folder of its own; in a shell there: for f in {told}/*{suffix}; do d={cut}; mkdir -p "$d"; '
-                'mv "$f" "$d"; done'
+                f'needs a folder of its own; in a shell there: for f in {at}/*{suffix}; do n=$(basename "$f" '
+                f'{suffix}); d={at}/$(echo "$n" | sed \'{of_camera}\'); mkdir -p "$d"; mv "$f" "$d/$(echo '
+                f'"$n" | sed \'{of_frame}\'){suffix}"; done'
             )
     return None
 
@@ -62,7 +66,7 @@ def folder_of_each_frame(folder: Path, found: ViewSet, cameras: Sequence[str]) -
     suffix = os.path.splitext(files[0])[1]
     return (
         f"{found.pattern} has a folder for each frame with a file for each camera ({', '.join(stems)}), and each "
-        f"camera needs a folder of its own; in a shell there: for f in {found.pattern}/*{suffix}; do "
+        f"camera needs a folder of its own; in a shell there: for f in {_for_shell(found.pattern)}/*{suffix}; do "
         f'd=views/$(basename "$f" '
         f'{suffix}); mkdir -p "$d"; cp "$f" "$d/$(basename "$(dirname "$f")"){suffix}"; done'
     )
@@ -82,3 +86,8 @@ def _go_together(names: Sequence[str], cameras: Sequence[str]) -> bool:
     except ValueError:
         return False
     return not match.by_order and not match.without_camera
+
+
+def _for_shell(path: str) -> str:
+    """A path with asterisks, as a shell reads it."""
+    return "/".join(part if part == "*" else shlex.quote(part) for part in path.split("/"))

@@ -17,8 +17,9 @@ from ._size_choices import Choice, Size, choices_for
 _CLEARLY, _PIXELS, _SIGMAS = 1.15, 0.03, 2.5
 # Fewer tangents say nothing.
 _LEAST_TANGENTS = 20
-# Planes miss each other by less than this part of a person's height, even where masks are poor and cameras, too.
-_AGREEING = 0.02
+# Planes miss each other by less than this part of a person's height, even where masks are poor and cameras, too; or by
+# less than this (px).
+_AGREEING, _PIXEL = 0.02, 1.0
 # Combinations of choices for groups of views that are looked at.
 _MOST_COMBINATIONS = 60
 # How far from a choice's crop better ones are looked for, as parts of the image.
@@ -62,7 +63,7 @@ class SeenViews:
     def agreeing(self) -> float:
         """Silhouettes that agree miss each other by less (px)."""
         heights = [np.ptp(outline.uv, axis=0).max() for outline in self.outlines.values()]
-        return _AGREEING * float(np.median(heights or [0.0]))
+        return max(_PIXEL, _AGREEING * float(np.median(heights or [0.0])))
 
 
 @dataclass(frozen=True)
