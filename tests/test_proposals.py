@@ -237,7 +237,9 @@ def test_a_calibration_that_cannot_be_read_is_named_with_its_reason(tmp_path):
     assert "holds no calibration that can be read; " in told
     assert "is a pickle" in told
     (tmp_path / "calib.pickle").rename(tmp_path / "notes.pdf")
-    assert "name it by --calibration" in refusal(tmp_path)
+    assert "notes.pdf: is of no known format; these are read: " in refusal(tmp_path)
+    (tmp_path / "notes.pdf").unlink()
+    assert "these are read: " in refusal(tmp_path)
 
 
 def test_sizes_of_nothing_are_never_written(tmp_path):

@@ -14,7 +14,7 @@ from ._view_table import open_frames
 from .calibrations import Contents, contents_of
 from .folders import RECORDING_FILE, SUBJECT_FILE
 from .view_sets import ViewSet, find_view_sets, words_of
-from .views import Frames, Masks
+from .views import VIDEO_SUFFIXES, Frames, Masks, is_image
 
 # Words in the names of files that people expect to be read as a calibration.
 _CALIBRATIONS = frozenset(
@@ -80,25 +80,43 @@ def _calibration(folder: Path, wanted: str | None) -> tuple[str, Contents, list[
     if wanted is not None:
         return wanted, contents_of(folder / wanted), []
     found: dict[str, Contents] = {}
-    refused: list[tuple[bool, str]] = []
+    refused: list[tuple[int, str]] = []
     for path in sorted((folder, *folder.iterdir(), *folder.glob("*/*"))):
         if path.name in (RECORDING_FILE, SUBJECT_FILE) or path.is_dir() and not _may_be_calibration(path):
             continue
         try:
             contents = contents_of(path)
         except ValueError as error:
-            is_expected = not _CALIBRATIONS.isdisjoint(words_of(path.name))
-            refused += [(path.suffix.lower() in (".npz", ".npy"), str(error))] if is_expected else []
+            refused.append((_unlikely(path), str(error)))
             continue
         if len(contents.entries) > 1:
             found[path.relative_to(folder).as_posix()] = contents
     if not found:
-        why = f"; {min(refused)[1]}" if refused else "; name it by --calibration to see why"
-        raise fault(folder, None, f"holds no calibration that can be read{why}")
+        # The likeliest file tells; where there is none, the folder itself, with what is read.
+        why = min(refused, key=lambda each: each[0], default=(0, ""))[1]
+        raise fault(folder, None, f"holds no calibration that can be read; {why or _refusal(folder)}")
     # Those nearest to the top, and of those TOML: it is what people edit.
     order = sorted(found, key=lambda text: (text.count("/"), not text.endswith(".toml"), text))
     doubts = [f"calibrations {', '.join(order)}: the first is taken"] if len(order) > 1 else []
     return order[0], found[order[0]], doubts
+
+
+def _refusal(path: Path) -> str:
+    try:
+        contents_of(path)
+    except ValueError as error:
+        return str(error)
+    return "name it by --calibration to see why"
+
+
+def _unlikely(path: Path) -> int:
+    """How unlikely it is that somebody takes a file for a calibration."""
+    if path.is_dir():
+        return 2
+    suffix = path.suffix.lower()
+    if suffix in ("", ".md", ".npz", ".npy", *VIDEO_SUFFIXES) or is_image(path):
+        return 3
+    return 0 if not _CALIBRATIONS.isdisjoint(words_of(path.name)) else 1
 
 
 def _may_be_calibration(folder: Path) -> bool:

@@ -17,7 +17,7 @@ from .folders import RECORDING_FILE
 from .views import Video, View
 
 # Frames that are looked at, spread over all; of a video, over its beginning, since all that is before is decoded.
-_SAMPLES, _OF_VIDEO = 12, 600
+_SAMPLES, _OF_VIDEO = 12, 300
 
 
 @dataclass(frozen=True)

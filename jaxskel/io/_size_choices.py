@@ -82,7 +82,8 @@ def choices_for(calibrated: Size, image: Size) -> list[Choice]:
             continue
         is_block = all(_is_block(*lengths) for lengths in ((width, image[0]), (height, image[1])))
         if is_block:
-            found.append(Choice(_joined(turned, "cut or padded at the right or bottom"), ImageChange(turn), usual=True))
+            told = f"cut or padded at the right or bottom to a multiple of {_BLOCK} px, as is usual"
+            found.append(Choice(_joined(turned, told), ImageChange(turn), usual=True))
         if is_one or not turn:
             scaled = "scaled" if is_one else "scaled across and down by different factors"
             found.append(Choice(_joined(turned, scaled), ImageChange(turn, scale=(across, down))))

@@ -12,6 +12,8 @@ from .views import VIDEO_SUFFIXES, is_image
 
 # Folders in folders are looked through down to here, as in session/trial/camera/what/frames.
 _DEPTH = 5
+# Stacks of 3 x 4 and 4 x 4 are matrices, not masks.
+_LARGEST_MATRIX = 4
 _MASKS = frozenset(
     "mask masks masked silhouette silhouettes sil silh matte mattes alpha seg segment segments segmented segmentation "
     "segmentations binary foreground fg".split()
@@ -105,7 +107,7 @@ def _keys_of_masks(path: Path) -> list[str]:
         shapes = {key: shape_of(path, key) for key in keys_of(path)}
     except ValueError:
         return []
-    return [key for key, shape in shapes.items() if len(shape) == 3 and min(shape) > 3]
+    return [key for key, shape in shapes.items() if len(shape) == 3 and min(shape[1:]) > _LARGEST_MATRIX]
 
 
 def _natural(text: str) -> list[tuple[int, str]]:
