@@ -52,7 +52,7 @@ def perturbed(cameras: Cameras, seed: int, turn: float = TURN, shift: float = SH
     turns = np.stack([cv2.Rodrigues(turn * axis)[0] for axis in axes])
     R = turns @ np.asarray(cameras.R)
     t = -np.einsum("cij,cj->ci", R, cameras.centres + shift * ways)
-    return make_cameras(cameras.K, R, t, cameras.size, cameras.dist, cameras.names)
+    return make_cameras(cameras.K, R, t, cameras.size, cameras.dist, cameras.names, cameras.are_fisheye)
 
 
 def drawn_agreement(recording: Recording, frames: Int[np.ndarray, " some"]) -> float:

@@ -64,7 +64,7 @@ def _write_directions(
     lost: Bool[np.ndarray, " cams"],
 ) -> Int[np.ndarray, " rays"] | None:
     """Fill in the rays of one frame, and tell the camera of each; None where there is no outline."""
-    bent = (np.asarray(cameras.dist) != 0).any(1)
+    bent = cameras.bent
     views = []
     for camera, (packed, box) in enumerate(zip(silhouettes, person_boxes(silhouettes), strict=True)):
         if box is None or lost[camera]:

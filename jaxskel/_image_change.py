@@ -63,7 +63,6 @@ def with_images_changed(
     changes: Sequence[ImageChange],
     calibrated: Sequence[tuple[float, float]],
     size: Int[np.ndarray, "cams 2"],
-    fisheye: Sequence[bool],
 ) -> Cameras:
     """The cameras that make the changed images: a point is seen where the change moves what the camera saw before.
 
@@ -75,7 +74,6 @@ def with_images_changed(
         changes: What was done to the images of each.
         calibrated: Width and height of the images of each when it was calibrated (px).
         size: Width and height of its images now (px).
-        fisheye: Whether its lens is a fisheye, of which no coefficient is tangential.
     """
     K, R, t, dist = (np.array(a, float) for a in (cameras.K, cameras.R, cameras.t, cameras.dist))
     for c, (change, before) in enumerate(zip(changes, calibrated, strict=True)):
@@ -84,6 +82,6 @@ def with_images_changed(
         low = moved[1, :2] / np.hypot(*moved[1, :2])
         turn = np.array([[low[1], -low[0], 0.0], [low[0], low[1], 0.0], [0.0, 0.0, 1.0]])
         K[c], R[c], t[c] = np.triu(moved @ turn.T), turn @ R[c], turn @ t[c]
-        if not fisheye[c]:
+        if not cameras.are_fisheye[c]:  # of these no coefficient is tangential
             dist[c, [3, 2]] = turn[:2, :2] @ dist[c, [3, 2]]
     return replace(cameras, K=K, R=R, t=t, dist=dist, size=np.asarray(size, np.int64))

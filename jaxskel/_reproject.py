@@ -5,7 +5,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ._camera import Cameras, project
+from ._camera import Cameras, apparent_depth, in_cameras, on_images
 from ._hull import VisualHulls
 
 
@@ -26,7 +26,9 @@ def reproject(
     masks = np.zeros((len(cameras), height, width), np.uint8)
     if len(points) == 0:
         return masks.astype(bool)
-    u, v, depth = (np.asarray(a) for a in project(cameras, points))
+    seen_from = tuple(np.asarray(a) for a in in_cameras(cameras, points))
+    u, v = on_images(cameras, *seen_from)
+    depth = apparent_depth(cameras, *seen_from)
     for c in range(len(cameras)):
         seen = np.isfinite(u[c])
         column, row = np.floor(u[c, seen] + 0.5), np.floor(v[c, seen] + 0.5)

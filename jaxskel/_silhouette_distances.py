@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt8
 
-from ._camera import Cameras, in_cameras, lens_slopes, on_images, project
+from ._camera import Cameras, apparent_depth, in_cameras, lens_slopes, on_images
 from ._computed_once import computed_once
 from ._stacks import aligned
 from ._views import Box, person_boxes, unpacked_box
@@ -53,11 +53,11 @@ class SilhouetteDistances(eqx.Module):
         return SilhouetteDistances(self.values, step, cameras, misses, frame)
 
     def at(self, points: Float[Array, "points 3"]) -> Float[Array, "cams points"]:
-        """Distances at points of the world (m, at the depth of each point), for one frame.
+        """Distances at points of the world (m, at the depth of each point, see `apparent_depth`), for one frame.
 
         Far inside (-1 m) where a view tells nothing: outside of its image, behind it, or where it has lost the person.
         """
-        u, v, depth = (jnp.asarray(a) for a in project(self.cameras, self._once(points)))
+        u, v, depth = self._seen(points)
         seen, distance, _ = self._interpolated(u, v)
         return self._in_metres(seen, distance, depth)
 
@@ -65,7 +65,7 @@ class SilhouetteDistances(eqx.Module):
         self, points: Float[Array, "points 3"]
     ) -> tuple[Bool[Array, "cams points"], Float[Array, "cams points"]]:
         """Whether points of the world (m) fall into each image, and the distances there as `at` gives them."""
-        u, v, depth = (jnp.asarray(a) for a in project(self.cameras, self._once(points)))
+        u, v, depth = self._seen(points)
         seen, distance, _ = self._interpolated(u, v)
         width, height = jnp.asarray(self.cameras.size).T
         # Images that are smaller than the largest one end before the values do.
@@ -80,7 +80,7 @@ class SilhouetteDistances(eqx.Module):
 
     def near(self, points: Float[Array, "points 3"]) -> Float[Array, "cams points"]:
         """The same without interpolation and without a gradient."""
-        u, v, depth = (jnp.asarray(a) for a in project(self.cameras, self._once(points)))
+        u, v, depth = self._seen(points)
         seen, x, y = self._cells(u, v)
         place = self._once(self._places(jnp.round(y).astype(jnp.int32), jnp.round(x).astype(jnp.int32)))
         distance = self._value(place)
@@ -98,12 +98,28 @@ class SilhouetteDistances(eqx.Module):
         by_x, by_y = along_u * u_by_x + along_v * v_by_x, along_u * u_by_y + along_v * v_by_y
         # Of the distance in pixels times the depth, by a point in the frame of each camera.
         slopes = (by_x, by_y, distance - x * by_x - y * by_y)
+        seems = apparent_depth(self.cameras, right, low, depth)
+        if self.cameras.fisheye is not None:  # times the distance, which moves in all directions
+            wide, farther = self.cameras.fisheye[:, None], jnp.where(seen, seems / depth, 1.0)
+            slopes = (
+                farther * by_x + jnp.where(wide, distance * x / farther, 0.0),
+                farther * by_y + jnp.where(wide, distance * y / farther, 0.0),
+                distance / farther - farther * (x * by_x + y * by_y),
+            )
         slopes = tuple(jnp.where(seen, slope / self._focal, 0.0) for slope in slopes)
         turned = jnp.asarray(self.cameras.R)
         gradient = tuple(
             sum((slopes[row] * turned[:, row, axis, None] for row in range(3)), jnp.zeros(())) for axis in range(3)
         )
-        return self._once((self._in_metres(seen, distance, depth), gradient))
+        return self._once((self._in_metres(seen, distance, seems), gradient))
+
+    def _seen(
+        self, points: Float[Array, "points 3"]
+    ) -> tuple[Float[Array, "cams points"], Float[Array, "cams points"], Float[Array, "cams points"]]:
+        """Where points of the world (m) are seen (px), and at what depth, see `apparent_depth` (m)."""
+        right, low, depth = (jnp.asarray(a) for a in in_cameras(self.cameras, self._once(points)))
+        u, v = on_images(self.cameras, right, low, depth)
+        return u, v, apparent_depth(self.cameras, right, low, depth)
 
     @property
     def _focal(self) -> Float[Array, "cams 1"]:

@@ -115,5 +115,7 @@ def filled_shares(
 def _cell_side(cameras: Cameras, camera: int, points: Float[np.ndarray, "n 3"], spacing: float) -> int:
     """Side (px) of a cell into which the centre of a voxel falls wherever the hull is solid."""
     depth = points @ np.asarray(cameras.R[camera, 2]) + float(cameras.t[camera, 2])
+    if cameras.are_fisheye[camera]:
+        depth = np.linalg.norm(points - cameras.centres[camera], axis=1)
     # Columns of voxels are farthest apart along the diagonals of their faces.
     return int(np.ceil(np.sqrt(2) * float(cameras.K[camera, 0, 0]) * spacing / np.median(depth)))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
+import json_calibration_files as in_json
 import numpy as np
 
 
@@ -248,6 +249,15 @@ FORMATS = {
     "vicon": Format(vicon, 0, "Vicon", "+Z"),
     "colmap": Format(colmap, 8, "COLMAP", None, unit=0.37),
     "panoptic": Format(panoptic, 5, "CMU Panoptic JSON", "-Y"),
+    "voxelpose": Format(in_json.voxelpose, 5, "VoxelPose JSON", "+Z", has_size=False),
+    "multical": Format(in_json.multical, 5, "multical JSON", None),
+    "calib.io": Format(in_json.calibio, 8, "calib.io JSON", None),
+    "open3d": Format(in_json.open3d, 0, "Open3D JSON", None),
+    "anipose in JSON": Format(in_json.anipose_list, 5, "Anipose JSON", None),
+    "nerfstudio": Format(in_json.nerfstudio, 5, "nerfstudio JSON", None, unit=0.37),
+    "by hand": Format(in_json.by_hand, 8, "JSON (K, R, t)", None),
+    "xrprimer": Format(in_json.xrprimer, 8, "JSON (K, R, t)", None),
+    "projections in JSON": Format(in_json.projections, 0, "projection matrices", None, has_size=False),
     "projections": Format(projections, 0, "projection matrices", None, has_size=False),
 }
 

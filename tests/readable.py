@@ -1,13 +1,16 @@
 """Every reader of files, with small valid files for it: to be damaged, and to be made to claim too much."""
 
+import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import cv2
+import json_calibration_files as in_json
 import numpy as np
-from calibration_files import FORMATS, Format, a_rig, sizes_of
+from calibration_files import FORMATS, Format, Rig, a_rig, sizes_of
+from calibration_files_text import NUMBERED_FORMATS, TEXT_FORMATS
 from exported import moving
 from filed import a_recording as a_clip
 from filed import some_poses
@@ -57,6 +60,22 @@ def _calibration(form: Format) -> Reader:
         lambda path: read_calibration(path, unit=form.unit, sizes=sizes),
         is_a_rig,
     )
+
+
+def _named(write: Callable[[Path, Rig], Path], names: str, unit: float | None = None) -> Reader:
+    """A format that does not take any name, or has a unit of its own."""
+    rig = replace(a_rig(0, 0), names=tuple(names.split()))
+    return Reader(
+        lambda folder: write(folder, rig),
+        lambda path: read_calibration(path, unit=unit, sizes=sizes_of(rig)),
+        is_a_rig,
+    )
+
+
+def _unposed(folder: Path) -> Path:
+    path = FORMATS["caliscope"].write(folder, a_rig(0, 5))
+    path.write_text(re.sub("(rotation|translation) = .*", r'\1 = "null"', path.read_text(), count=2))
+    return path
 
 
 def _matrices(name: str) -> Reader:
@@ -202,6 +221,11 @@ def _is_text(found: Any) -> None:
 
 READERS = {
     **{name: _calibration(form) for name, form in FORMATS.items()},
+    "open3d trajectory": _named(in_json.open3d_trajectory, "cam0 cam1 cam2 cam3"),
+    "aist": _named(lambda folder, rig: in_json.anipose_list(folder, rig, 0.01), "c01 c02 c03 c04"),
+    "mvhumannet": _named(in_json.mvhumannet, "CC0 CC1 CC2 CC3", 0.001),
+    "caliscope unposed": Reader(_unposed, read_calibration, is_a_rig),
+    **{name: _calibration(form) for name, form in (FORMATS | TEXT_FORMATS | NUMBERED_FORMATS).items()},
     "projections .npy": _matrices("P.npy"),
     "projections .txt": _matrices("P.txt"),
     "rig": Reader(_rig_file, read_calibration, is_a_rig),

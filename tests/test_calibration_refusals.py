@@ -97,7 +97,7 @@ def test_images_of_another_size_or_name(form, tmp_path):
         ("anipose", "translation", f"translation = [1, 0, 0x{'f' * 3000}]", "holds a number of 12000 bits"),
         ("anipose", "matrix", "matrix = [[0, 0, 1], [0, 9, 1], [0, 0, 1]]", "cam_1 .*: the focal lengths"),
         ("anipose", "distortions", "distortions = [1, 2, 3]", "camera cam_1: 3 distortion coefficients"),
-        ("anipose", "fisheye", "fisheye = true", "camera cam_1: is a fisheye lens, .* undistort"),
+        ("anipose", "fisheye", "fisheye = true", "camera cam_1: is a fisheye lens of 5 .* give the four"),
         ("anipose", "name", 'name = "cam_2"', "camera cam_2: is there twice"),
         ("anipose", "size", "size = [640.5, 480]", "cam_1 .*: size .* whole numbers"),
         ("qualisys", "<transform", '<transform r11="1"/>', "camera cam_1: r12 is missing"),
@@ -124,7 +124,7 @@ def test_a_lens_that_folds_the_image(tmp_path):
 @pytest.mark.parametrize(
     ("name", "old", "new", "says"),
     [
-        ("cameras.txt", "FULL_OPENCV", "OPENCV_FISHEYE", "CAMERA_ID 3: has the model OPENCV_FISHEYE"),
+        ("cameras.txt", "FULL_OPENCV", "THIN_PRISM_FISHEYE", "CAMERA_ID 3: has the model THIN_PRISM_FISHEYE"),
         ("cameras.txt", "FULL_OPENCV", "OPENCV", "CAMERA_ID 3: OPENCV holds 14 numbers; give 10"),
         ("cameras.txt", "3 FULL", "2 FULL", "camera cam_1: its CAMERA_ID 3 is not in cameras.txt"),
         ("images.txt", "cam_2/", "cam_1/", "several images of one camera"),
@@ -140,8 +140,8 @@ def test_a_model_of_colmap_that_is_none(name, old, new, says, tmp_path):
     ("form", "file", "start", "new", "says"),
     [
         ("opencv", "cam_1.yml", "rvec:", "ropes: !!opencv-matrix", "camera cam_1: R or rotation_matrix .* is missing"),
-        ("opencv", "cam_1.yml", "rvec:", "R: 1\nrvec: !!opencv-matrix", "camera cam_1: R and rvec are both there"),
-        ("opencv", "cam_1.yml", "image_width", "fisheye_model: 1", "camera cam_1: is a fisheye lens"),
+        ("opencv", "cam_1.yml", "rvec:", "R: [0, 0, 0]\nrvec: !!opencv-matrix", "R and rvec are both there and differ"),
+        ("opencv", "cam_1.yml", "calibration_time", "fisheye_model: 1", "camera cam_1: is a fisheye lens of 8"),
         ("opencv", "cam_1.yml", "image_width", "", "camera cam_1: image_height stands alone"),
         ("opencv", "cam_1.yml", "rows", "   rows: 4", "key 'camera_matrix': claims 4 x 3 numbers but holds 9"),
         ("opencv", "cam_1.yml", "rows", "   rows: .Nan", "key 'camera_matrix': is no matrix"),

@@ -192,6 +192,14 @@ def test_views_without_a_camera_and_cameras_without_a_view_are_named(tmp_path):
     assert "there is no view of cam4: the others are used" in proposed(tmp_path)[1]
 
 
+def test_a_camera_without_a_view_needs_no_size(tmp_path):
+    matrices = np.asarray(rig().K) @ np.concatenate([rig().R, np.asarray(rig().t)[..., None]], -1)
+    shutil.rmtree(undescribed(tmp_path) / "masks" / "cam1")
+    (tmp_path / "Calib_scene.toml").unlink()
+    np.savez(tmp_path / "matrices.npz", **dict(zip(NAMES, matrices, strict=True)))
+    assert list(proposed(tmp_path)[0]["views"]) == list(NAMES[1:])
+
+
 def test_where_names_do_not_tell_which_view_has_no_camera_nothing_is_written(tmp_path):
     undescribed(tmp_path, place=lambda camera, frame: f"masks/{'abcde'[int(camera[3:]) - 1]}/{frame:06d}.png")
     assert "names in common" in proposed(tmp_path)[1][0]

@@ -28,11 +28,13 @@ class Intrinsics:
     K: Float[np.ndarray, "3 3"]
     """(px)"""
     dist: Float[np.ndarray, " n"]
-    """OpenCV's k1, k2, p1, p2 and, if given, k3, k4, k5, k6."""
+    """OpenCV's k1, k2, p1, p2 and, if given, k3, k4, k5, k6; of a fisheye lens cv2.fisheye's k1, k2, k3, k4."""
     size: tuple[int, int]
     """Width and height of the image (px)."""
     rms: float | None = None
     """Of the corners that it was found from (px)."""
+    fisheye: bool = False
+    """Whether the lens model is that of `cv2.fisheye`: such lenses are read from a file, not found from a film."""
 
 
 def board_intrinsics(film: str | Path, board: Board) -> Intrinsics:

@@ -77,7 +77,10 @@ def calibrate_cameras(
                 f"{lens.size[0]} x {lens.size[1]} px: film both in the same mode"
             )
         seen.append(found)
-        poses.append(camera_pose(found.corners, board, lens.K, lens.dist))
+        try:
+            poses.append(camera_pose(found.corners, board, lens.K, lens.dist, lens.fisheye))
+        except ValueError as error:
+            raise ValueError(f"camera {name}: {film}: {error}") from None
         if poses[-1][2] > _WORST_FIT * found.size[0] / 1000:
             raise ValueError(
                 f"camera {name}: {film}: the board fits to {poses[-1][2]:.1f} px only; are the intrinsics those of "
@@ -90,6 +93,7 @@ def calibrate_cameras(
     cameras = make_cameras(
         np.stack([lens.K for lens in lenses]), np.stack([pose[0] for pose in poses]),
         np.stack([pose[1] for pose in poses]), np.array([lens.size for lens in lenses]), dist, names,
+        fisheye=[lens.fisheye for lens in lenses],
     )  # fmt: skip
     other_end, coverage = _other_end(cameras, board, silhouettes, turned_cameras)
     return BoardCalibration(

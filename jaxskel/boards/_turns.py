@@ -6,6 +6,7 @@ silhouettes meet best; the hull that they carve must cover the silhouettes, and 
 
 from itertools import product
 
+import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, UInt8
 
@@ -61,7 +62,7 @@ def settle_turns(
 def turned(cameras: Cameras, which: Bool[np.ndarray, " cams"]) -> Cameras:
     """The rig with some cameras moved by half a turn about the board's normal."""
     R = np.where(which[:, None, None], np.asarray(cameras.R) @ HALF_TURN, np.asarray(cameras.R))
-    return Cameras(cameras.K, R, cameras.t, cameras.dist, cameras.max_radius, cameras.size, cameras.names)
+    return eqx.tree_at(lambda c: c.R, cameras, R)
 
 
 def _rays_apart(cameras: Cameras, silhouettes: np.ndarray) -> float:

@@ -8,6 +8,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from .._lens import FISHEYE_COEFFICIENTS
 from .._recording import pack_silhouettes
 from ..boards import Board, BoardCalibration, Intrinsics, board_intrinsics, some_frames
 from ..boards import calibrate_cameras as found_cameras
@@ -66,7 +67,9 @@ def _lenses(given: list[str], board: Board) -> dict[str, Intrinsics]:
             cameras = read_calibration(each).cameras
             for i, camera in enumerate(cameras.names):
                 size = (int(cameras.size[i, 0]), int(cameras.size[i, 1]))
-                lenses[camera] = Intrinsics(np.asarray(cameras.K[i]), np.asarray(cameras.dist[i]), size)
+                fisheye = bool(cameras.are_fisheye[i])
+                dist = np.asarray(cameras.dist[i])[: FISHEYE_COEFFICIENTS if fisheye else None]
+                lenses[camera] = Intrinsics(np.asarray(cameras.K[i]), dist, size, fisheye=fisheye)
     return lenses
 
 

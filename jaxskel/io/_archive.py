@@ -64,6 +64,14 @@ def numbers(
     return array
 
 
+def switches(path: Path, arrays: dict[str, np.ndarray], key: str, count: int) -> np.ndarray:
+    """So many values, each true or false; numbers are taken that are 1 or 0."""
+    array = arrays[key]
+    if array.dtype.kind not in "biu" or array.shape != (count,) or not np.isin(array, (0, 1)).all():
+        raise fault(path, key, f"holds {array.dtype} of shape {array.shape}; give ({count},) values, true or false")
+    return array.astype(bool)
+
+
 def fault(path: Path, key: str | None, message: str) -> ValueError:
     """The one line for a fault of a file, whatever line breaks its names and texts hold."""
     place = f"{path}: " if key is None else f"{path}: key {_cut(key)!r}: "

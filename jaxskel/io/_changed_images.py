@@ -2,13 +2,14 @@
 
 import math
 import reprlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from .._image_change import TURNS, ImageChange
 from ._archive import fault
 from ._view_table import number
+from .calibrations import Contents
 
 Size = tuple[float, float]
 # Scaled sizes are rounded to whole pixels, by codecs to even ones.
@@ -97,6 +98,19 @@ def calibrated_size(
             f"{known[1]:g}; give where its first pixel lies there, [x, y]",
         )  # fmt: skip
     return known
+
+
+def missing_sizes(contents: Contents, names: Sequence[str], sizes: Sequence[Size]) -> dict[str, tuple[int, int]]:
+    """Whole sizes (px) for cameras of which a calibration says none: those of their views, and where nobody looks, any.
+
+    Args:
+        contents: The calibration.
+        names: Of the cameras that views are of.
+        sizes: Of their calibrated images (px).
+    """
+    known = dict(zip(names, sizes, strict=True))
+    found = {entry.name: known.get(entry.name, sizes[0]) for entry in contents.entries if entry.size is None}
+    return {name: (max(1, round(width)), max(1, round(height))) for name, (width, height) in found.items()}
 
 
 def _is_offset(value: Any) -> bool:

@@ -56,7 +56,9 @@ def find_inputs(folder: Path, views: str | None, calibration: str | None, fps: f
     """
     source, contents, doubts = _calibration(folder, calibration)
     if contents.unit is None:
-        doubts.append(f"{source} has no scale: unit = 1 is written")
+        doubts.append(f"{source} has no scale, unit = 1 is written: {contents.scale_is}")
+    if contents.unposed:
+        doubts.append(f"{source}: {', '.join(contents.unposed)} without a pose, left out")
     names = [camera.name for camera in contents.entries]
     chosen, match, others = _views(folder, views, names)
     if match.by_order:
@@ -122,9 +124,11 @@ def _unlikely(path: Path) -> int:
 def _may_be_calibration(folder: Path) -> bool:
     """A folder is one where its files belong together."""
     try:
-        return any(file.name == "cameras.txt" or file.suffix in (".yml", ".yaml") for file in folder.iterdir())
+        names = [file.name.lower() for file in folder.iterdir()]
     except OSError:
         return False
+    alike = (".yml", ".yaml", ".xml", ".json", ".calib")
+    return any(name == "cameras.txt" or name.endswith(alike) for name in names) or any(folder.glob("*/*.xml"))
 
 
 def _views(folder: Path, pattern: str | None, cameras: list[str]) -> tuple[ViewSet, Match, list[ViewSet]]:

@@ -10,6 +10,7 @@ from .._camera import Cameras
 from .._image_change import ImageChange, with_images_changed
 from .._tangency import ConvexOutline, convex_outline
 from ._archive import fault
+from ._changed_images import missing_sizes
 from ._found_inputs import Found
 from ._settled_images import SeenViews, Settled, settled, stated, turned_or_mirrored
 from .calibrations import validated
@@ -53,7 +54,7 @@ def proposed_images(
     names = [found.cameras[view.name] for view in views]
     images = [(float(view.frames.size[0]), float(view.frames.size[1])) for view in views]
     calibrated = [entries[name].size or image for name, image in zip(names, images, strict=True)]
-    unknown = {name: view.frames.size for name, view in zip(names, views, strict=True) if entries[name].size is None}
+    unknown = missing_sizes(found.contents, names, images)
     rig = validated(path.parent / found.calibration, found.contents, found.contents.unit or 1.0, unknown).cameras
     rig = rig[[rig.names.index(name) for name in names]]
     outlines, doubts = _outlines(views, frames)
@@ -75,7 +76,6 @@ def proposed_images(
         [choice.change for choice in done.choices],
         calibrated,
         np.array([view.frames.size for view in views]),
-        [entries[name].fisheye for name in names],
     )
     return ProposedImages(lines, tuple(doubts), rig, cameras)
 

@@ -49,7 +49,7 @@ from .._image_change import with_images_changed
 from .._recording import UP_AXES, Recording
 from ..backgrounds import Cleaning
 from ._archive import fault
-from ._changed_images import calibrated_size, read_change
+from ._changed_images import calibrated_size, missing_sizes, read_change
 from ._toml import check_known, read_toml
 from ._view_table import number, rate, read_view, text
 from .calibrations import contents_of, validated
@@ -159,19 +159,13 @@ def _calibrated(path: Path, table: dict[str, Any], views: list[View]) -> tuple[C
         calibrated_size(path, where, tables[view.name], view.frames.size, entries[name].size, source.name)
         for where, view, name in zip(wheres, views, names, strict=True)
     ]
-    unknown = {
-        name: (max(1, round(width)), max(1, round(height)))
-        for name, (width, height) in zip(names, sizes, strict=True)
-        if entries[name].size is None
-    }
-    calibration = validated(source, contents, unit, unknown)
+    calibration = validated(source, contents, unit, missing_sizes(contents, names, sizes))
     known = calibration.cameras.names
     cameras = with_images_changed(
         calibration.cameras[[known.index(name) for name in names]],
         changes,
         sizes,
         np.array([view.frames.size for view in views]),
-        [entries[name].fisheye for name in names],
     )
     cameras = replace(cameras, names=tuple(view.name for view in views))
     up = table.get("up", calibration.up)

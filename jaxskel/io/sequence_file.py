@@ -13,7 +13,7 @@ from .._camera import Cameras, make_cameras
 from .._files import written_whole
 from .._recording import UP_AXES, Recording, Truth
 from .._skeleton import JOINT_NAMES, TIP_NAMES, Skeleton, make_skeleton
-from ._archive import StoredRows, fault, numbers, read_arrays, short, texts
+from ._archive import StoredRows, fault, numbers, read_arrays, short, switches, texts
 from ._stored import StoredSilhouettes
 
 # A person with arms stretched spans less than this (m); truth in millimetres spans a thousand times more.
@@ -26,9 +26,9 @@ def read_sequence_file(path: Path, in_memory: int = IN_MEMORY) -> Recording:
     """Read a sequence file.
 
     Keys: `silhouettes` (frames, cams, h, w/8) packed bits or (frames, cams, h, w) masks of 0 and 1 or 255;
-    `K`, `R`, `t` (m), `size` (px), `fps`; optional `up` ("+Z" if missing), `dist`, `camera_names`,
-    `frame_index`, the subject's `rest_joints` and `rest_tips` (m), the ground truth `joints` and `tips` (m,
-    NaN where unknown). Others are ignored.
+    `K`, `R`, `t` (m), `size` (px), `fps`; optional `up` ("+Z" if missing), `dist`, `fisheye` (whether each lens is
+    that of cv2.fisheye), `camera_names`, `frame_index`, the subject's `rest_joints` and `rest_tips` (m), the ground
+    truth `joints` and `tips` (m, NaN where unknown). Others are ignored.
 
     Args:
         path: The file.
@@ -42,7 +42,7 @@ def read_sequence_file(path: Path, in_memory: int = IN_MEMORY) -> Recording:
     arrays = read_arrays(
         path,
         required=("K", "R", "t", "size", "fps"),
-        optional=("up", "dist", "camera_names", "frame_index", "rest_joints", "rest_tips", "joints", "tips",
+        optional=("up", "dist", "fisheye", "camera_names", "frame_index", "rest_joints", "rest_tips", "joints", "tips",
                   "joint_names", "tip_names"),
     )  # fmt: skip
     check_names(path, arrays, "joint_names", JOINT_NAMES)
@@ -72,6 +72,8 @@ def write_recording(path: str | Path, recording: Recording) -> None:
         "fps": recording.fps, "up": recording.up, "frame_index": recording.frame_index,
         "joint_names": JOINT_NAMES, "tip_names": TIP_NAMES,
     }  # fmt: skip
+    if cameras.fisheye is not None:
+        arrays |= {"fisheye": cameras.fisheye}
     if skeleton is not None:
         arrays |= {"rest_joints": skeleton.rest_joints, "rest_tips": skeleton.rest_tips}
     if truth is not None:
@@ -91,11 +93,11 @@ def _cameras(path: Path, arrays: dict[str, np.ndarray]) -> Cameras:
         if len(names) != n or len(set(names)) != n:
             raise fault(path, "camera_names", f"give {n} different names, one for each camera of K, not {names}")
     # One key at a time beside harmless others, so that the key at fault is known.
-    given = {"K": K, "R": np.tile(np.eye(3), (n, 1, 1)), "t": np.zeros((n, 3)), "size": (1, 1)}
+    given: dict[str, Any] = {"K": K, "R": np.tile(np.eye(3), (n, 1, 1)), "t": np.zeros((n, 3)), "size": (1, 1)}
     cameras = None
-    for key in ("K", "R", "t", "size", "dist"):
+    for key in ("K", "R", "t", "size", "fisheye", "dist"):
         if key in arrays:
-            given[key] = numbers(path, arrays, key, None)
+            given[key] = switches(path, arrays, key, n) if key == "fisheye" else numbers(path, arrays, key, None)
             try:
                 cameras = make_cameras(**given, names=names)
             except ValueError as error:

@@ -27,8 +27,9 @@ def camera_path(name: str) -> str:
 def log_cameras(stream: rr.RecordingStream, cameras: Cameras) -> None:
     """Place every camera in the world; it stands there for all frames.
 
-    The viewer's pinholes know neither skew nor lens distortion, and its pixels have their corners, not their centres,
-    at whole numbers.
+    The viewer's pinholes know neither skew nor lens distortion, so that of a fisheye is right about its middle only;
+    what is drawn over its image is right everywhere. The viewer's pixels have their corners, not their centres, at
+    whole numbers.
     """
     for i, (name, size) in enumerate(zip(cameras.names, cameras.size, strict=True)):
         factors = display_size(size) / size

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..._camera import Cameras, make_cameras
+from ..._lens import COEFFICIENTS, FISHEYE_COEFFICIENTS
 from .._archive import fault
 
 # A camera of a motion-capture room stands within this many metres of its origin; farther means millimetres.
@@ -14,7 +15,6 @@ _FARTHEST_CAMERA = 100.0
 # Cameras that see one person from several sides stand farther from each other than this (m); millimetres that
 # were divided by 1000 once too often do not.
 _NARROWEST_RIG = 0.1
-_N_DIST = 8
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,8 @@ class Calibration:
     not say."""
     format: str
     """What the file was taken for, such as "Qualisys", for messages."""
+    unposed: tuple[str, ...] = ()
+    """Names of the cameras that the file has without a pose, which are left out."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,10 @@ class Contents:
     unit: float | None
     """Metres per unit of the file, None where the format has no scale."""
     up: str | None
+    unposed: tuple[str, ...] = ()
+    """Names of the cameras that have no pose, and are not among the entries."""
+    scale_is: str = "measure a length in the scene and give unit, the metres per unit of the file"
+    """How the scale is found where the format has none."""
 
 
 def camera_fault(path: Path, camera: str, message: str) -> ValueError:
@@ -67,12 +73,15 @@ def validated(
     """Check what a reader found, and bring it to metres."""
     entries = contents.entries
     if not entries:
-        raise fault(path, None, f"holds no camera, read as {contents.format}; export the calibration again")
+        told = (
+            f"none of its cameras ({', '.join(contents.unposed)}) was posed" if contents.unposed else "holds no camera"
+        )
+        raise fault(path, None, f"{told}, read as {contents.format}; calibrate the rig and export it again")
     names = [entry.name for entry in entries]
     for i, name in enumerate(names):
         if name in names[:i]:
             raise camera_fault(path, name, "is there twice; give every camera a name of its own")
-    dist = np.zeros((len(entries), _N_DIST))
+    dist = np.zeros((len(entries), COEFFICIENTS))
     for row, entry in zip(dist, entries, strict=True):
         lens = _lens(path, entry)
         row[: len(lens)] = lens
@@ -86,11 +95,12 @@ def validated(
             size=size,
             dist=dist,
             names=names,
+            fisheye=np.array([entry.fisheye for entry in entries]),
         )
     except ValueError as error:
         raise fault(path, None, str(error)) from None
     _check_spread(path, cameras)
-    return Calibration(cameras, contents.up, contents.format)
+    return Calibration(cameras, contents.up, contents.format, contents.unposed)
 
 
 def choose_views(calibration: Calibration, views: Sequence[str]) -> Calibration:
@@ -105,6 +115,9 @@ def choose_views(calibration: Calibration, views: Sequence[str]) -> Calibration:
     """
     names = calibration.cameras.names
     lost = [view for view in views if view not in names]
+    if set(lost) & set(calibration.unposed):
+        name = next(view for view in lost if view in calibration.unposed)
+        raise ValueError(f"camera {name}: {_not_posed(calibration.format)}")
     if lost or len(set(views)) != len(views):
         raise ValueError(
             f"views {', '.join(lost or views)}: name each view once, after its camera; the calibration "
@@ -113,28 +126,40 @@ def choose_views(calibration: Calibration, views: Sequence[str]) -> Calibration:
     return replace(calibration, cameras=calibration.cameras[[names.index(view) for view in views]])
 
 
+def _not_posed(kind: str) -> str:
+    ignore = " and ignore the camera (ignore = true)" if kind.startswith("Caliscope") else ""
+    return (
+        f"was not posed: {kind} gives it no rotation or no translation; calibrate it with the others, or leave out "
+        f"its view{ignore}"
+    )
+
+
 def _lens(path: Path, entry: CameraEntry) -> np.ndarray:
     """At most eight coefficients; OpenCV's longer models are read where what is beyond is zero."""
-    if entry.fisheye or len(entry.dist) not in (0, 4, 5, 8, 12, 14) or entry.dist[_N_DIST:].any():
+    if entry.fisheye:
+        if len(entry.dist) != FISHEYE_COEFFICIENTS:
+            raise camera_fault(
+                path,
+                entry.name,
+                f"is a fisheye lens of {len(entry.dist)} distortion coefficients; give the four of cv2.fisheye (k1, "
+                "k2, k3, k4), or leave fisheye out if these are an ordinary lens'",
+            )
+        return entry.dist
+    if len(entry.dist) not in (0, 4, 5, 8, 12, 14) or entry.dist[COEFFICIENTS:].any():
         raise camera_fault(
             path,
             entry.name,
-            f"{len(entry.dist)} distortion coefficients; give OpenCV's (k1, k2, p1, p2[, k3[, k4, k5, k6]]); "
-            "fisheye, thin-prism and tilt models are not read, so undistort the images first",
+            f"{len(entry.dist)} distortion coefficients; give OpenCV's (k1, k2, p1, p2[, k3[, k4, k5, k6]]), or the "
+            "four of a fisheye lens; thin-prism and tilt models are not read, so undistort the images first",
         )
-    return entry.dist[:_N_DIST]
+    return entry.dist[:COEFFICIENTS]
 
 
 def _scale(path: Path, contents: Contents, unit: float | None) -> float:
     if unit is None:
         unit = contents.unit
     if unit is None:
-        raise fault(
-            path,
-            None,
-            f"{contents.format} has no scale; measure a length in the scene and give unit, the metres per unit of "
-            "the file",
-        )
+        raise fault(path, None, f"{contents.format} has no scale: {contents.scale_is}")
     # Nanometres to kilometres; beyond, squares of lengths overflow.
     if not 1e-9 <= unit <= 1e3:
         raise ValueError(f"unit is {unit}; give metres per unit of the file, 0.001 where it is in millimetres")
@@ -153,6 +178,8 @@ def _scale(path: Path, contents: Contents, unit: float | None) -> float:
 def _sizes(path: Path, contents: Contents, given: Mapping[str, tuple[int, int]]) -> list[tuple[float, float]]:
     names = [entry.name for entry in contents.entries]
     for name in given:
+        if name in contents.unposed:
+            raise camera_fault(path, name, _not_posed(contents.format))
         if name not in names:
             raise camera_fault(path, name, f"sizes names it, but the file has {', '.join(names)}; match the names")
     found = []

@@ -3,19 +3,28 @@
 import re
 from collections.abc import Iterator
 from itertools import islice
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from ..._lens import COEFFICIENTS, FISHEYE_COEFFICIENTS
 from .._archive import fault
 from ._calibration import CameraEntry, Contents, camera_fault
+from ._image_files import names_of_images
 from ._text import from_quaternion, read_text, split_numbers, to_number
 
 PAIR = ("cameras.txt", "images.txt")
-# Where each model's parameters go: focal lengths, principal point, then OpenCV's k1, k2, p1, p2, k3, ...
-_FOCAL_LENGTHS = {"SIMPLE_PINHOLE": 1, "PINHOLE": 2, "SIMPLE_RADIAL": 1, "RADIAL": 1, "OPENCV": 2, "FULL_OPENCV": 2}
-_DISTORTIONS = {"SIMPLE_PINHOLE": 0, "PINHOLE": 0, "SIMPLE_RADIAL": 1, "RADIAL": 2, "OPENCV": 4, "FULL_OPENCV": 8}
+# Where each model's parameters go: focal lengths, principal point, then OpenCV's k1, k2, p1, p2, k3, ...,
+# or, of a fisheye lens, cv2.fisheye's k1, k2, k3, k4.
+_FOCAL_LENGTHS = {
+    "SIMPLE_PINHOLE": 1, "PINHOLE": 2, "SIMPLE_RADIAL": 1, "RADIAL": 1, "OPENCV": 2, "FULL_OPENCV": 2,
+    "SIMPLE_FISHEYE": 1, "FISHEYE": 2, "SIMPLE_RADIAL_FISHEYE": 1, "RADIAL_FISHEYE": 1, "OPENCV_FISHEYE": 2,
+}  # fmt: skip
+_DISTORTIONS = {
+    "SIMPLE_PINHOLE": 0, "PINHOLE": 0, "SIMPLE_RADIAL": 1, "RADIAL": 2, "OPENCV": 4, "FULL_OPENCV": 8,
+    "SIMPLE_FISHEYE": 0, "FISHEYE": 0, "SIMPLE_RADIAL_FISHEYE": 1, "RADIAL_FISHEYE": 2, "OPENCV_FISHEYE": 4,
+}  # fmt: skip
 # COLMAP counts from the corner of the first pixel, OpenCV from its centre.
 _HALF_PIXEL = 0.5
 _MOST_WORDS = 20  # of a lens: more are refused, however many there are
@@ -25,6 +34,7 @@ class _Lens(NamedTuple):
     K: np.ndarray
     dist: np.ndarray
     size: tuple[float, float]
+    fisheye: bool
 
 
 def read_colmap(folder: Path) -> Contents:
@@ -36,7 +46,7 @@ def read_colmap(folder: Path) -> Contents:
     lenses = _lenses(folder / PAIR[0])
     path = folder / PAIR[1]
     poses = _poses(path)
-    names = _names(path, [pose[9] for pose in poses])
+    names = names_of_images(path, [pose[9] for pose in poses])
     entries = []
     for name, pose in zip(names, poses, strict=True):
         if pose[8] not in lenses:
@@ -44,7 +54,7 @@ def read_colmap(folder: Path) -> Contents:
         w, x, y, z, *t = split_numbers(path, name, "its pose", " ".join(pose[1:8]), 7)
         R = from_quaternion(path, name, "QW QX QY QZ", np.array([x, y, z, w]))
         lens = lenses[pose[8]]
-        entries.append(CameraEntry(name, lens.K, R, np.array(t), lens.dist, lens.size))
+        entries.append(CameraEntry(name, lens.K, R, np.array(t), lens.dist, lens.size, lens.fisheye))
     return Contents("COLMAP", entries, None, None)
 
 
@@ -77,9 +87,10 @@ def _lens(path: Path, camera: str, model: str, rest: str) -> _Lens:
     given = split_numbers(path, camera, model, rest, 2 + n + 2 + _DISTORTIONS[model])
     (width, height), focal, (u, v) = given[:2].tolist(), given[2 : 2 + n], given[2 + n : 4 + n] - _HALF_PIXEL
     K = np.array([[focal[0], 0.0, u], [0.0, focal[-1], v], [0.0, 0.0, 1.0]])
-    dist = np.zeros(8)
+    fisheye = model.endswith("FISHEYE")
+    dist = np.zeros(FISHEYE_COEFFICIENTS if fisheye else COEFFICIENTS)
     dist[: _DISTORTIONS[model]] = given[4 + n :]
-    return _Lens(K, dist, (width, height))
+    return _Lens(K, dist, (width, height), fisheye)
 
 
 def _poses(path: Path) -> list[list[str]]:
@@ -99,17 +110,3 @@ def _poses(path: Path) -> list[list[str]]:
         elif count % 3:
             raise fault(path, None, f"is cut off: {line[:60]!r}; export the model again")
     return found
-
-
-def _names(path: Path, files: list[str]) -> list[str]:
-    paths = [PurePosixPath(file.strip().replace("\\", "/")) for file in files]
-    stems, folders = [p.stem for p in paths], [p.parent.name for p in paths]
-    for names in (stems, folders):
-        if len(set(names)) == len(names) and all(names):
-            return names
-    raise fault(
-        path,
-        None,
-        "holds several images of one camera; export a model with one image a camera, named after it (cam1.png or "
-        "cam1/0001.png)",
-    )

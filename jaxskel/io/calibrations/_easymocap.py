@@ -11,31 +11,46 @@ from .._archive import fault
 from ._calibration import CameraEntry, Contents, camera_fault
 from ._opencv import matrix_numbers
 from ._opencv_yaml import Value, read_opencv_yaml, yaml_matrix
-from ._text import from_vector, numbers, to_vector
+from ._text import numbers, rotation, to_vector
 
 PAIR = ("intri.yml", "extri.yml")
 # Files hold about six digits; a matrix and a vector of one rotation differ by less than this.
 _SAME_ROTATION = 1e-3
+_NO_NAME = "none"
 
 
 def read_easymocap(folder: Path) -> Contents:
     """Read the pair of files in a folder: metres, a world with Z up, and no image size but where ``W_`` and ``H_`` are.
 
-    Pose2Sim names a file's matrices by the number of the camera, from 1, and not by its name: that is read too.
+    Where these are zero, EasyMocap did not know the size. Matrices bear a camera's name, without what follows a dot
+    and, where the name is a number without quotes, without leading zeros; from Pose2Sim they bear the number of the
+    camera, from 1. A lens is ``dist_`` or ``D_``; one that is not there has no distortion. An old OpenCV writes a
+    ``none`` before each name.
     """
     intri_path, extri_path = (folder / name for name in PAIR)
     intri, extri = read_opencv_yaml(intri_path), read_opencv_yaml(extri_path)
+    names = _names(intri_path, intri)
+    numbered = [str(i + 1) for i in range(len(names))]
+    keys = [_key(intri, name) for name in names]
+    if not any(f"K_{key}" in intri for key in keys) and all(f"K_{key}" in intri for key in numbered):
+        keys = numbered
+    entries = [_entry(intri_path, extri_path, intri, extri, name, key) for name, key in zip(names, keys, strict=True)]
+    return Contents("EasyMocap", entries, 1.0, "+Z")
+
+
+def _names(path: Path, intri: dict[str, Value]) -> list[str]:
     names = intri.get("names")
     if not isinstance(names, list):
-        raise fault(intri_path, "names", "is missing or no list; give the names of the cameras")
-    texts = [name for name in names if isinstance(name, str)]
-    if len(texts) < len(names):
-        raise fault(intri_path, "names", "holds numbers; put the names of the cameras in quotes")
-    numbered = [str(i + 1) for i in range(len(texts))]
-    by_name = any(f"K_{name}" in intri for name in texts)
-    keys = texts if by_name or not all(f"K_{key}" in intri for key in numbered) else numbered
-    entries = [_entry(intri_path, extri_path, intri, extri, name, key) for name, key in zip(texts, keys, strict=True)]
-    return Contents("EasyMocap", entries, 1.0, "+Z")
+        raise fault(path, "names", "is missing or no list; give the names of the cameras")
+    # EasyMocap reads a number without quotes as a whole one.
+    texts = [name if isinstance(name, str) else f"{name:.0f}" for name in names]
+    return [name for name in texts if name != _NO_NAME]
+
+
+def _key(intri: dict[str, Value], name: str) -> str:
+    """What a camera is called in the keys of its matrices."""
+    without_zeros = name.lstrip("0") or "0" if name.isdecimal() else name
+    return next((key for key in (name, name.split(".")[0], without_zeros) if f"K_{key}" in intri), name)
 
 
 def write_easymocap_calibration(folder: str | Path, cameras: Cameras) -> None:
@@ -46,7 +61,8 @@ def write_easymocap_calibration(folder: str | Path, cameras: Cameras) -> None:
         cameras: The rig, in a world with Z up, as EasyMocap takes it to be ([`Cameras.rotated`][] turns a world).
 
     Raises:
-        ValueError: A name that cannot be part of a key, or a lens with k4, k5 or k6, which the format cannot hold.
+        ValueError: A name that cannot be part of a key, or a lens that the format cannot hold: one with k4, k5 or k6,
+            or a fisheye.
     """
     intri = ["%YAML:1.0", "---", "names:", *(f'   - "{name}"' for name in cameras.names)]
     extri = list(intri)
@@ -54,6 +70,8 @@ def write_easymocap_calibration(folder: str | Path, cameras: Cameras) -> None:
         dist = np.asarray(cameras.dist[i])
         if not re.fullmatch(r"[\w.-]+", name):
             raise ValueError(f"camera {name!r}: EasyMocap takes names of letters, digits, '_', '.' and '-'; rename it")
+        if cameras.are_fisheye[i]:
+            raise ValueError(f"camera {name}: EasyMocap has no fisheye lens; undistort its images first")
         if dist[5:].any():
             raise ValueError(f"camera {name}: EasyMocap has no lens with k4, k5 and k6; undistort its images first")
         R = np.asarray(cameras.R[i])
@@ -77,7 +95,7 @@ def _entry(
 
     turns = []
     if f"R_{key}" in extri or f"Rot_{key}" not in extri:
-        turns.append(from_vector(extri_path, name, f"R_{key}", given(extri_path, extri, "R_", 3)))
+        turns.append(rotation(extri_path, name, f"R_{key}", given(extri_path, extri, "R_", 3, 9)))
     if f"Rot_{key}" in extri:
         turns.append(given(extri_path, extri, "Rot_", 9).reshape(3, 3))
     if np.abs(turns[0] - turns[-1]).max() > _SAME_ROTATION:
@@ -87,12 +105,13 @@ def _entry(
     size = None
     if f"W_{key}" in intri and f"H_{key}" in intri:
         width, height = (float(numbers(intri_path, name, s + key, intri[s + key], 1)[0]) for s in ("W_", "H_"))
-        size = (width, height)
+        size = (width, height) if width > 0 and height > 0 else None
+    lens = next((prefix for prefix in ("dist_", "D_") if prefix + key in intri), None)
     return CameraEntry(
         name=name,
         K=given(intri_path, intri, "K_", 9).reshape(3, 3),
         R=turns[-1],
         t=given(extri_path, extri, "T_", 3),
-        dist=given(intri_path, intri, "dist_", 0, 4, 5, 8),
+        dist=given(intri_path, intri, lens) if lens is not None else np.zeros(0),
         size=size,
     )

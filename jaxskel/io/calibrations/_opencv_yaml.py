@@ -33,9 +33,37 @@ Value = Matrix | list[float | str] | float | str
 def read_opencv_yaml(path: Path) -> dict[str, Value]:
     """What the file holds by name: matrices, lists and single values."""
     found = {}
-    for key, lines in _blocks(path).items():
+    for key, lines in yaml_blocks(path).items():
         found[key] = _value(path, key, lines)
     return found
+
+
+def checked_matrix(path: Path, key: str, rows: int, columns: int, data_type: str, data: list[float | str]) -> Matrix:
+    """A matrix whose numbers are as many as it claims.
+
+    ``data_type`` is OpenCV's, such as ``d``, or ``2f`` where each element is a pair: then a row holds all of them.
+    """
+    channels = re.match(r"\d{1,2}", data_type)
+    columns *= int(channels[0]) if channels else 1
+    if rows * columns != len(data):
+        raise fault(path, key, f"claims {rows} x {columns} numbers but holds {len(data)}; export it again")
+    return Matrix(rows, columns, data)
+
+
+def words_of(path: Path, key: str, text: str, pattern: str = r"\S+") -> list[float | str]:
+    """The numbers of a text that may hold millions of words."""
+    words = [found[0] for found in islice(re.finditer(pattern, text), _MOST_NUMBERS + 1)]
+    if len(words) > _MOST_NUMBERS:
+        raise fault(path, key, f"holds more than {_MOST_NUMBERS} numbers, too many for a calibration")
+    return [scalar(word) for word in words]
+
+
+def scalar(text: str) -> float | str:
+    """A number, or text without its quotes; quoted digits stay text: they name a camera."""
+    if len(text) > 1 and text[0] == text[-1] and text[0] in "\"'":
+        return text[1:-1]
+    lower = text.lower()
+    return to_number(text) if lower not in (".nan", ".inf", "-.inf") else float(lower.replace(".", ""))
 
 
 def yaml_matrix(key: str, matrix: np.ndarray) -> list[str]:
@@ -51,7 +79,7 @@ def yaml_matrix(key: str, matrix: np.ndarray) -> list[str]:
     ]
 
 
-def _blocks(path: Path) -> dict[str, list[str]]:
+def yaml_blocks(path: Path) -> dict[str, list[str]]:
     """The lines of each name of the file: what follows it in its line, then the lines that are set in."""
     blocks: dict[str, list[str]] = {}
     lines: list[str] | None = None
@@ -83,7 +111,7 @@ def _value(path: Path, key: str, lines: list[str]) -> Value:
     if lines and lines[0].startswith("- "):
         # Names of cameras, which may be digits without quotes: nothing is taken for a number.
         return [line.removeprefix("-").strip().strip("\"'") for line in lines]
-    return _scalar(" ".join(lines))
+    return scalar(" ".join(lines))
 
 
 def _matrix(path: Path, key: str, lines: list[str]) -> Matrix:
@@ -93,25 +121,13 @@ def _matrix(path: Path, key: str, lines: list[str]) -> Matrix:
     if None in counts or start < 0:
         raise fault(path, key, "is no matrix of rows, cols and data; export it again")
     rows, columns = (int(count.group(1)) for count in counts if count is not None)
+    data_type = re.search(r"\bdt:\s*[\"']?(\w+)", text[:start])
     data = _items(path, key, text[start + len("data:") :].strip())
-    if rows * columns != len(data):
-        raise fault(path, key, f"claims {rows} x {columns} numbers but holds {len(data)}; export it again")
-    return Matrix(rows, columns, data)
+    return checked_matrix(path, key, rows, columns, data_type[1] if data_type else "d", data)
 
 
 def _items(path: Path, key: str, text: str) -> list[float | str]:
     # Lists of lists, which OpenCV does not write, are taken as one list; their lengths are checked by the caller.
     if not text.endswith("]"):
         raise fault(path, key, "is cut off: a list without its end; export it again")
-    words = [found[0] for found in islice(re.finditer(r"[^,\s\[\]]+", text), _MOST_NUMBERS + 1)]
-    if len(words) > _MOST_NUMBERS:
-        raise fault(path, key, f"holds more than {_MOST_NUMBERS} numbers, too many for a calibration")
-    return [_scalar(word) for word in words]
-
-
-def _scalar(text: str) -> float | str:
-    """A number, or text without its quotes; quoted digits stay text: they name a camera."""
-    if len(text) > 1 and text[0] == text[-1] and text[0] in "\"'":
-        return text[1:-1]
-    lower = text.lower()
-    return to_number(text) if lower not in (".nan", ".inf", "-.inf") else float(lower.replace(".", ""))
+    return words_of(path, key, text, r"[^,\s\[\]]+")

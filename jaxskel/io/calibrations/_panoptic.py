@@ -1,40 +1,40 @@
 """Calibrations of the CMU Panoptic Studio, JSON."""
 
-import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from .._archive import fault
 from ._calibration import CameraEntry, Contents, camera_fault
-from ._text import numbers, read_text
+from ._json import given
 
 _CENTIMETRE = 0.01
 
 
-def read_panoptic(path: Path) -> Contents:
-    """Read all cameras (VGA, HD and Kinect), in centimetres and in a world whose Y axis points down."""
-    try:
-        table = json.loads(read_text(path))
-    except (ValueError, RecursionError) as error:
-        raise fault(path, None, f"is not JSON ({error}); download the calibration again") from None
+def is_panoptic(table: Any) -> bool:
+    """Whether JSON lists cameras under the names that the Panoptic Studio has for their lens and their size."""
     cameras = table.get("cameras") if isinstance(table, dict) else None
     if not isinstance(cameras, list):
-        raise fault(path, "cameras", "is missing or no list; give a calibration of the Panoptic Studio")
-    return Contents("CMU Panoptic JSON", [_entry(path, i, c) for i, c in enumerate(cameras)], _CENTIMETRE, "-Y")
+        return False
+    return "calibDataSource" in table or any(
+        isinstance(camera, dict) and camera.keys() >= {"distCoef", "resolution"} for camera in cameras
+    )
+
+
+def read_panoptic(path: Path, table: dict[str, Any]) -> Contents:
+    """Read all cameras (VGA, HD and Kinect), in centimetres and in a world whose Y axis points down."""
+    entries = [_entry(path, i, camera) for i, camera in enumerate(table["cameras"])]
+    return Contents("CMU Panoptic JSON", entries, _CENTIMETRE, "-Y")
 
 
 def _entry(path: Path, index: int, camera: Any) -> CameraEntry:
     name = camera.get("name") if isinstance(camera, dict) else None
     if not isinstance(name, str):
         raise camera_fault(path, f"number {index}", "name is missing or no text")
-
-    def given(key: str, *counts: int) -> np.ndarray:
-        if key not in camera:
-            raise camera_fault(path, name, f"{key} is missing; download the calibration again")
-        return numbers(path, name, key, camera[key], *counts)
-
-    width, height = given("resolution", 2).tolist()
-    K, R = given("K", 9).reshape(3, 3), given("R", 9).reshape(3, 3)
-    return CameraEntry(name, K, R, given("t", 3), given("distCoef"), (width, height))
+    width, height = given(path, name, camera, "resolution", 2).tolist()
+    return CameraEntry(
+        name=name,
+        K=given(path, name, camera, "K", 9).reshape(3, 3),
+        R=given(path, name, camera, "R", 9).reshape(3, 3),
+        t=given(path, name, camera, "t", 3),
+        dist=given(path, name, camera, "distCoef"),
+        size=(width, height),
+    )

@@ -1,13 +1,14 @@
-"""Plain projection matrices, 3 x 4 each: `.npy`, `.npz`, or rows of numbers in a `.txt` file."""
+"""Plain projection matrices, 3 x 4 each: `.npy`, `.npz`, rows of numbers in a `.txt` file, or JSON."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from .._archive import fault
 from ._archives import read_array, small_arrays
 from ._calibration import CameraEntry, Contents, camera_fault
-from ._text import natural_order, read_text, split_numbers
+from ._text import natural_order, numbers, read_text, split_numbers
 
 # A matrix whose left block squeezes space more than this is no camera: focal lengths are 10 to 1e5 px.
 _MOST_SQUEEZED = 1e8
@@ -15,6 +16,7 @@ _MOST_SQUEEZED = 1e8
 _MAX_BYTES = 1_000_000
 # Numbers below this are no matrix that a program wrote; dividing by them would overflow.
 _FAINTEST = 1e-9
+_KEYS = ("P", "projection", "projection_matrix", "proj", "proj_mat")
 
 
 def read_projection_text(path: Path) -> Contents:
@@ -40,6 +42,28 @@ def read_projection_archive(path: Path) -> Contents:
         if array.shape != (3, 4):
             raise fault(path, name, f"has shape {array.shape}; give a projection matrix, (3, 4), for each camera")
     return _contents(path, {name: arrays[name] for name in sorted(arrays, key=natural_order)})
+
+
+def matrices_in(table: Any) -> dict[str, Any]:
+    """What stands for a matrix of each camera in JSON: three lists of four, alone or under a key; or nothing."""
+    if not isinstance(table, dict):
+        return {}
+    found = {}
+    for name, value in table.items():
+        if isinstance(value, dict):
+            value = next((value[key] for key in _KEYS if key in value), None)
+        if not (
+            isinstance(value, list) and len(value) == 3 and all(isinstance(r, list) and len(r) == 4 for r in value)
+        ):
+            return {}
+        found[name] = value
+    return found
+
+
+def read_projection_table(path: Path, matrices: dict[str, Any]) -> Contents:
+    """A matrix for each camera by its name, in JSON."""
+    names = sorted(matrices, key=natural_order)
+    return _contents(path, {name: numbers(path, name, "P", matrices[name], 12).reshape(3, 4) for name in names})
 
 
 def _stack(path: Path, array: np.ndarray) -> dict[str, np.ndarray]:

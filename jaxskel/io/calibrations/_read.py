@@ -5,21 +5,24 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from .._archive import fault, keys_of
-from . import _colmap, _easymocap
+from . import _biocv, _colmap, _easymocap, _mvhumannet
+from ._by_content import SUFFIXES, read_by_content
 from ._calibration import Calibration, Contents, validated
-from ._opencv import read_opencv
-from ._panoptic import read_panoptic
-from ._projections import read_projection_archive, read_projection_array, read_projection_text
-from ._qualisys import read_qualisys
+from ._folder import sorted_files
+from ._json_kinds import read_json_file, read_json_folder
+from ._kalibr import is_kalibr, read_kalibr
+from ._opencv import camera_files, holds_camera, read_opencv
+from ._projections import read_projection_archive, read_projection_array
 from ._sequence import read_sequence_calibration
-from ._text import read_text
 from ._toml import read_toml
-from ._vicon import read_vicon
 
 _PICKLES = (".pickle", ".pkl", ".p", ".joblib", ".pt", ".pth")
 _KNOWN = (
-    "TOML (Pose2Sim, Anipose, FreeMoCap, Caliscope), .yml (OpenCV, EasyMocap), .qca.txt (Qualisys), .xcp (Vicon), "
-    "cameras.txt with images.txt (COLMAP), .json (CMU Panoptic), .npz, .npy or .txt (projection matrices)"
+    "TOML (Pose2Sim, Anipose, FreeMoCap, Caliscope), .yml (OpenCV, EasyMocap, Kalibr), .xml (OpenCV, Metashape), "
+    ".qca.txt (Qualisys, Theia3D), .xcp (Vicon), .mcal (Motive), .calibration (Skeletool), .calib (BioCV), .cal "
+    "(TotalCapture), par.txt (Middlebury), cameras.txt with images.txt (COLMAP), .json (OpenCV, CMU Panoptic, "
+    "VoxelPose, multical, calib.io, Open3D, AIST++, MVHumanNet, nerfstudio, or K, R and t by their names), .npz, .npy, "
+    ".txt or .json (projection matrices)"
 )
 
 
@@ -28,15 +31,20 @@ def read_calibration(
 ) -> Calibration:
     """Read the calibration of a rig from a file or a folder of another tool's.
 
-    TOML of Pose2Sim, Anipose, FreeMoCap and Caliscope; OpenCV's YAML, a file or a folder with one a camera;
-    EasyMocap's `intri.yml` and `extri.yml`; Qualisys `.qca.txt`; Vicon `.xcp`; COLMAP's `cameras.txt` and
-    `images.txt`; CMU Panoptic's JSON; projection matrices 3 x 4 in `.npy`, `.npz` or `.txt`; and the calibration of
-    a sequence file. A pickle is never read.
+    TOML of Pose2Sim, Anipose, FreeMoCap and Caliscope; OpenCV's YAML, XML and JSON, a file or a folder with one a
+    camera; EasyMocap's `intri.yml` and `extri.yml`; Kalibr's `camchain.yaml`; Qualisys `.qca.txt` and what its
+    real-time protocol sends; Theia3D; Vicon `.xcp`; Motive `.mcal`; Metashape's XML; Skeletool; BioCV; TotalCapture;
+    Middlebury; COLMAP's `cameras.txt` and `images.txt`; JSON of CMU Panoptic, VoxelPose (Campus, Shelf), multical,
+    calib.io, Open3D, AIST++, MVHumanNet (`camera_intrinsics.json` and `camera_extrinsics.json`), nerfstudio and
+    instant-ngp, or written by hand (K, R and t, a camera an object or a file); projection matrices 3 x 4 in `.npy`,
+    `.npz`, `.txt` or JSON; and the calibration of a sequence file. A pickle is never read. Cameras that a file has
+    without a pose are left out.
 
     Args:
         path: The file, or the folder of files that belong together (or one of a pair).
-        unit: Metres per unit of the file. By default that of the format: millimetres for Qualisys and Vicon,
-            centimetres for Panoptic, metres elsewhere; COLMAP has no scale, so it must be given there.
+        unit: Metres per unit of the file. By default that of the format: millimetres for Qualisys, Theia3D, Vicon,
+            Skeletool, BioCV and VoxelPose, centimetres for Panoptic and AIST++, metres elsewhere; COLMAP, Middlebury,
+            MVHumanNet, nerfstudio and a Metashape chunk without reference have no scale, so it must be given there.
         sizes: Width and height of each camera's images (px) by its name, for formats without them. Where the file
             has them too they must be the same.
 
@@ -65,20 +73,20 @@ def contents_of(path: Path) -> Contents:
         return read_projection_array(path)
     if suffix == ".toml":
         return read_toml(path)
+    if name in _mvhumannet.PAIR:
+        return _mvhumannet.read_mvhumannet(path.parent)
     if suffix == ".json":
-        return read_panoptic(path)
+        return read_opencv(path) if holds_camera(path) else _known(path, read_json_file(path))
     if suffix in (".yml", ".yaml"):
-        return read_opencv(path)
-    if suffix == ".xcp":
-        return read_vicon(path)
-    if name.endswith(".qca.txt"):
-        return read_qualisys(path)
-    if suffix in (".txt", ".xml"):
-        start = read_text(path).lstrip()
-        if not start.startswith("<"):
-            return read_projection_text(path)
-        return read_vicon(path) if "<Cameras" in start else read_qualisys(path)
-    raise fault(path, None, f"is of no known format; these are read: {_KNOWN}")
+        return read_kalibr(path) if is_kalibr(path) else read_opencv(path)
+    return _known(path, read_by_content(path) if suffix in SUFFIXES else None)
+
+
+def _known(path: Path, contents: Contents | None) -> Contents:
+    if contents is None:
+        what = "a folder without a calibration" if os.path.isdir(path) else "of no known format"
+        raise fault(path, None, f"is {what}; these are read: {_KNOWN}")
+    return contents
 
 
 def _of_folder(path: Path) -> Contents:
@@ -86,15 +94,21 @@ def _of_folder(path: Path) -> Contents:
         names = {file.name for file in path.iterdir()}
     except OSError as error:
         raise fault(path, None, f"cannot be opened ({error.strerror}); check the path") from None
-    found = [reader for pair, reader in (
-        (_easymocap.PAIR, _easymocap.read_easymocap), (_colmap.PAIR, _colmap.read_colmap)
-    ) if names >= set(pair)]  # fmt: skip
+    pairs = {
+        "EasyMocap": (_easymocap.PAIR, _easymocap.read_easymocap),
+        "COLMAP": (_colmap.PAIR, _colmap.read_colmap),
+        "MVHumanNet": (_mvhumannet.PAIR, _mvhumannet.read_mvhumannet),
+    }
+    found = {tool: read for tool, (pair, read) in pairs.items() if names >= set(pair)}
     if len(found) > 1:
-        raise fault(path, None, "holds the calibrations of EasyMocap and of COLMAP; give one of the files")
+        raise fault(path, None, f"holds the calibrations of {' and of '.join(found)}; give one of the files")
     if found:
-        return found[0](path)
+        return next(iter(found.values()))(path)
     if "cameras.bin" in names:
         raise fault(path, None, "is a binary COLMAP model; run colmap model_converter --output_type TXT first")
-    if any(file.lower().endswith((".yml", ".yaml")) for file in names):
+    if any(file.lower().endswith(_biocv.SUFFIX) for file in names):
+        return _biocv.read_biocv(path)
+    if camera_files(path):
         return read_opencv(path)
-    raise fault(path, None, f"is a folder without a calibration; these are read: {_KNOWN}")
+    files = sorted_files(path, ".json")
+    return _known(path, read_json_folder(path, files) if files else None)

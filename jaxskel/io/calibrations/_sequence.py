@@ -7,15 +7,16 @@ import numpy as np
 
 from ..._camera import Cameras
 from ..._files import written_whole
-from .._archive import fault, numbers, texts
+from ..._lens import FISHEYE_COEFFICIENTS
+from .._archive import fault, numbers, switches, texts
 from ..sequence_file import up_axis
 from ._archives import checked_arrays
 from ._calibration import CameraEntry, Contents
 
 
 def read_sequence_calibration(path: Path) -> Contents:
-    """Read ``K``, ``R``, ``t`` (m), and if they are there ``size``, ``dist``, ``camera_names`` and ``up``."""
-    arrays = checked_arrays(path, ("K", "R", "t"), ("size", "dist", "camera_names", "up"))
+    """Read ``K``, ``R``, ``t`` (m), and if they are there ``size``, ``dist``, ``fisheye``, ``camera_names``, ``up``."""
+    arrays = checked_arrays(path, ("K", "R", "t"), ("size", "dist", "fisheye", "camera_names", "up"))
     K = numbers(path, arrays, "K", (None, 3, 3))
     n = len(K)
     R = numbers(path, arrays, "R", (n, 3, 3))
@@ -23,6 +24,7 @@ def read_sequence_calibration(path: Path) -> Contents:
     if t.shape not in ((n, 3), (n, 3, 1)):
         raise fault(path, "t", f"has shape {t.shape}; give ({n}, 3)")
     dist = numbers(path, arrays, "dist", (n, None)) if "dist" in arrays else np.zeros((n, 0))
+    wide = switches(path, arrays, "fisheye", n) if "fisheye" in arrays else np.zeros(n, bool)
     names = texts(path, arrays, "camera_names") if "camera_names" in arrays else [f"cam{i}" for i in range(n)]
     if len(names) != n:
         raise fault(path, "camera_names", f"holds {len(names)} names; give {n}, one for each camera of K")
@@ -32,7 +34,14 @@ def read_sequence_calibration(path: Path) -> Contents:
         if size.shape not in ((2,), (n, 2)):
             raise fault(path, "size", f"has shape {size.shape}; give (width, height) or one pair for each camera")
         sizes = [(float(width), float(height)) for width, height in np.broadcast_to(size, (n, 2))]
-    entries = [CameraEntry(*each) for each in zip(names, K, R, t.reshape(n, 3), dist, sizes, strict=True)]
+    # A rig of both kinds of lens has as many coefficients of each, with zeros behind the four of a fisheye.
+    if dist.shape[1] > FISHEYE_COEFFICIENTS and not dist[wide, FISHEYE_COEFFICIENTS:].any():
+        lenses = [row[:FISHEYE_COEFFICIENTS] if fish else row for row, fish in zip(dist, wide, strict=True)]
+    else:
+        lenses = list(dist)
+    entries = [
+        CameraEntry(*each) for each in zip(names, K, R, t.reshape(n, 3), lenses, sizes, wide.tolist(), strict=True)
+    ]
     return Contents("sequence file", entries, 1.0, up_axis(path, arrays) if "up" in arrays else None)
 
 
@@ -46,6 +55,8 @@ def write_calibration(path: str | Path, cameras: Cameras, up: str | None = None)
     """
     arrays: dict[str, Any] = {key: np.asarray(getattr(cameras, key)) for key in ("K", "R", "t", "size", "dist")}
     arrays["camera_names"] = np.array(cameras.names)
+    if cameras.fisheye is not None:
+        arrays["fisheye"] = np.asarray(cameras.fisheye)
     if up is not None:
         arrays["up"] = np.array(up)
     with written_whole(Path(path)) as file:

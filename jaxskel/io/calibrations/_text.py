@@ -16,14 +16,16 @@ from ._calibration import camera_fault
 _MAX_BYTES = 16_000_000
 # No length, focal length (px) or lens coefficient comes near this; refusing it keeps later squares finite.
 _MAX_NUMBER = 1e9
+# Files hold about six digits.
+_SAME_ROTATION = 1e-3
 
 
-def read_text(path: Path, most: int = _MAX_BYTES) -> str:
-    """The text of a file of bearable size."""
+def read_text(path: Path, most: int = _MAX_BYTES, encoding: str = "utf-8-sig", otherwise: str | None = None) -> str:
+    """The text of a file of bearable size; `otherwise` is said of one that is no text."""
     try:
-        return read_bounded(path, most, "a calibration").decode("utf-8-sig")
+        return read_bounded(path, most, "a calibration").decode(encoding)
     except UnicodeDecodeError:
-        raise fault(path, None, "is not text (UTF-8), so it is no calibration; check the path") from None
+        raise fault(path, None, otherwise or "is not text (UTF-8), so it is no calibration; check the path") from None
 
 
 def numbers(path: Path, camera: str, key: str, value: Any, *counts: int) -> np.ndarray:
@@ -74,6 +76,14 @@ def from_vector(path: Path, camera: str, key: str, vector: np.ndarray) -> np.nda
     if np.linalg.norm(vector) > 2 * np.pi:
         raise camera_fault(path, camera, f"{key} is not a rotation vector in radians: {vector.tolist()}")
     return cv2.Rodrigues(vector)[0]
+
+
+def nearest_rotation(path: Path, camera: str, key: str, matrix: np.ndarray) -> np.ndarray:
+    """The rotation next to a matrix that is one but for the digits it was written with."""
+    u, stretches, v = np.linalg.svd(matrix)
+    if np.abs(stretches - 1).max() > _SAME_ROTATION or np.linalg.det(matrix) < 0:
+        raise camera_fault(path, camera, f"{key} is not a rotation: it stretches by {stretches.round(4).tolist()}")
+    return u @ v
 
 
 def from_quaternion(path: Path, camera: str, key: str, xyzw: np.ndarray) -> np.ndarray:

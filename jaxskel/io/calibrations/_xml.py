@@ -16,7 +16,11 @@ _MAX_BYTES = 2_000_000
 
 def read_xml(path: Path) -> ElementTree.Element:
     """The root of a file without a document type: entities could fill the memory or name other files."""
-    text = read_text(path, _MAX_BYTES)
+    return parse_xml(path, read_text(path, _MAX_BYTES))
+
+
+def parse_xml(path: Path, text: str) -> ElementTree.Element:
+    """The root of a file whose text has been read."""
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise fault(path, None, "has a DOCTYPE, which no calibration needs; take it out")
     try:
