@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -99,8 +100,17 @@ def _calibration(folder: Path, wanted: str | None) -> tuple[str, Contents, list[
         raise fault(folder, None, f"holds no calibration that can be read; {why or _refusal(folder)}")
     # Those nearest to the top, and of those TOML: it is what people edit.
     order = sorted(found, key=lambda text: (text.count("/"), not text.endswith(".toml"), text))
-    doubts = [f"calibrations {', '.join(order)}: the first is taken"] if len(order) > 1 else []
+    # One may be named in several ways, as by each file of a pair.
+    others = [text for text in order[1:] if not _are_same(found[text], found[order[0]])]
+    doubts = [f"calibrations {', '.join([order[0], *others])}: the first is taken"] if others else []
     return order[0], found[order[0]], doubts
+
+
+def _are_same(one: Contents, other: Contents) -> bool:
+    return one.format == other.format and all(
+        a.name == b.name and all(np.array_equal(getattr(a, key), getattr(b, key)) for key in ("K", "R", "t", "dist"))
+        for a, b in zip_longest(one.entries, other.entries, fillvalue=one.entries[0])
+    )
 
 
 def _refusal(path: Path) -> str:
