@@ -29,6 +29,7 @@ from jax.core import Tracer
 from jax.experimental.serialize_executable import deserialize_and_load, serialize
 
 from ._files import written_whole
+from ._private import is_private, make_private, read_private, say_shared
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -58,7 +59,7 @@ class Kept(Generic[P, R]):
         folder = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
         leaves, structure = jax.tree.flatten((args, kwargs))
         leaves = [_strong(leaf) for leaf in leaves]
-        if not folder:
+        if not folder or "://" in folder:  # JAX can keep its own in a bucket of a cloud
             return self._call(leaves, structure)
         numbers = [_is_array(leaf) for leaf in leaves]
         arrays = [_canonical(leaf) for leaf, number in zip(leaves, numbers, strict=True) if number]
@@ -88,7 +89,10 @@ class Kept(Generic[P, R]):
         except (pickle.PicklingError, AttributeError, TypeError):
             return None
         digest = hashlib.sha256(_surroundings() + content).hexdigest()
-        path = folder / "jaxskel" / f"{self._name}-{digest[:32]}"
+        own = folder / "jaxskel"
+        if not _usable(own):
+            return None
+        path = own / f"{self._name}-{digest[:32]}"
         return self._read(path, sum(map(_is_array, leaves))) or self._compile(path, leaves, structure)
 
     def _compile(self, path: Path, leaves: list, structure: Any) -> Callable[[list[Any]], R]:
@@ -110,7 +114,7 @@ class Kept(Generic[P, R]):
             # A tree of numbers has the structure of the result, which cannot be written by itself.
             like = jax.tree.unflatten(result, range(result.num_leaves))
             content = pickle.dumps((program, like))
-            with written_whole(path) as file:
+            with written_whole(path, mode=0o600) as file:
                 file.write(hashlib.sha256(content).digest() + content)
         except (OSError, ValueError, NotImplementedError) as error:
             warnings.warn(f"{path}: a compiled function could not be kept ({error})", stacklevel=4)
@@ -119,10 +123,12 @@ class Kept(Generic[P, R]):
 
     def _read(self, path: Path, arguments: int) -> Callable[[list[Any]], R] | None:
         try:
-            file = path.read_bytes()
+            file = read_private(path)
         except OSError:
             return None
-        # What is unpickled is this user's own, as in JAX's cache; the digest is for files that were cut off.
+        if file is None:
+            return None
+        # What is unpickled is this user's own; the digest is for files that were cut off.
         digest, content = file[:32], file[32:]
         if hashlib.sha256(content).digest() != digest:
             return None
@@ -142,6 +148,20 @@ class Kept(Generic[P, R]):
 def kept(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function and keep it, see [`Kept`][]."""
     return cast(Callable[P, R], Kept(function))
+
+
+@cache
+def _usable(folder: Path) -> bool:
+    """Whether a folder for compiled functions, which is made where it is missing, and JAX's around it are private."""
+    try:
+        make_private(folder)
+        shared = next((path for path in (folder.parent, folder) if not is_private(path)), None)
+    except OSError as error:
+        warnings.warn(f"{folder}: compiled functions could not be kept ({error})", stacklevel=5)
+        return False
+    if shared is not None:
+        say_shared(shared)
+    return shared is None
 
 
 def _is_array(value: Any) -> bool:

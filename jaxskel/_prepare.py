@@ -49,6 +49,11 @@ def prepare(recording: Recording, settings: Settings) -> Prepared:
     max_misses = settings.max_misses
     if max_misses is None:
         max_misses = judge_misses(cameras, silhouettes, lost, min_views, box)
+    elif max_misses > len(cameras) - min_views:
+        raise ValueError(
+            f"{recording.name}: max_misses (--max-misses) {max_misses}: at least {min_views} of {len(cameras)} cameras "
+            f"must see a person; give {len(cameras) - min_views} or less"
+        )
     if box is not None:
         grid = make_grid(box[0], box[1], settings.spacing)
     else:

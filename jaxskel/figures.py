@@ -11,6 +11,7 @@ from ._graph import SkeletalGraph
 from ._hull import VisualHulls
 from ._limbs import Limbs
 from ._observe import labelled_limbs, person_graphs, see_people
+from ._pictures import write_figure
 from ._pipeline import reconstruct_batch
 from ._prepared import Prepared
 from ._recording import Recording, unpack_silhouettes
@@ -70,7 +71,7 @@ def plot_stages(recording: Recording, prepared: Prepared, settings: Settings, fr
         axes.scatter(*shown.T, c=shade, cmap="gray", vmin=0, vmax=1, s=size, depthshade=False, zorder=1)
         _draw(axes, i, stages)
         axes.set_box_aspect(high - low, zoom=1.15)  # pyright: ignore[reportArgumentType, reportCallIssue]
-    figure.savefig(path, dpi=110)
+    write_figure(path, figure, dpi=110)
 
 
 def _cropped(mask: np.ndarray) -> np.ndarray:

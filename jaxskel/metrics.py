@@ -13,9 +13,10 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Shaped
 from rich import box
-from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
+from ._plain import plain
 from ._skeleton import JOINT_NAMES, MIRROR_JOINTS
 
 # Limbs in the order of Table 1, which lacks the head.
@@ -186,7 +187,7 @@ def score_table(scores: Mapping[str, Score]) -> Table:
     for name, part in (*scores.items(), ("total", total)):
         limbs = [tuple(part.wrong(limb, forgive) for forgive in (False, True)) for limb in LIMBS]
         table.add_row(
-            escape(name),
+            Text(plain(name)),
             str(len(part)),
             str(int((~part.has_pose).sum())),
             *("\n".join(f"{k} {100 * k / len(part):.1f}%" for k in both) for both in limbs),

@@ -1,7 +1,6 @@
 """Drawings on the views: silhouette, voxel box, hull and skeleton, tiled to one picture."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -9,6 +8,7 @@ from jaxtyping import Bool, Float, UInt8
 
 from ._camera import Cameras, project
 from ._grid import VoxelGrid
+from ._pictures import write_image as write_image
 from ._skeleton import JOINT_NAMES, JOINT_PARENTS
 
 Image = UInt8[np.ndarray, "h w 3"]
@@ -74,12 +74,6 @@ def tile(images: Sequence[Image], labels: Sequence[str], columns: int, width: in
         tiles.append(np.zeros_like(tiles[0]))
     rows = [np.concatenate(tiles[i : i + columns], 1) for i in range(0, len(tiles), columns)]
     return np.concatenate(rows)
-
-
-def write_image(path: str | Path, image: Image) -> None:
-    """Write a picture; the ending of the path tells the format."""
-    if not cv2.imwrite(str(path), image):
-        raise OSError(f"{path}: the picture could not be written")
 
 
 def _line(image: Image, start, end, colour: tuple[int, int, int], thickness: int) -> None:

@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from ._pictures import write_figure
 from ._skeleton import JOINT_NAMES
 from .metrics import CURVE_THRESHOLDS_MM, Score
 
@@ -29,8 +30,7 @@ def plot_score(score: Score, path: str | Path) -> None:
     _draw_curves(curves, score)
     lost = int((~score.has_pose).sum())
     figure.suptitle(f"{len(score)} frames, {lost} without a pose")
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=150)
+    write_figure(path, figure, dpi=150)
 
 
 def _draw_boxes(axes: Axes, score: Score) -> None:

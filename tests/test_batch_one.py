@@ -6,48 +6,25 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from faked_batch import Killed, fake, faked_source
 from filelock import FileLock
 from test_folders import write_folder
-from test_journal import some_poses, some_track
+from test_journal import some_poses
 
 from jaxskel import Settings, Status
-from jaxskel.batch import Method, Outcome, Source, _manifest, read_manifest, read_results, reconstruct_one
+from jaxskel.batch import Method, Outcome, Source, _manifest, _reading, read_manifest, read_results, reconstruct_one
 from jaxskel.batch import _one as one
 from jaxskel.batch._folders import ResultFolder
 from jaxskel.batch._one import finished_before
-from jaxskel.io import read_poses, write_recording
-from jaxskel.synthetic import camera_ring, make_scene
+from jaxskel.io import read_poses
 
 METHOD = Method()
 
 
-class Killed(BaseException):
-    """As if the process ended here: nothing of the package handles it."""
-
-
-@pytest.fixture(scope="module")
-def scene():
-    return make_scene(70, cameras=camera_ring(3, size=(64, 48)))
-
-
 @pytest.fixture
-def place(tmp_path, scene, monkeypatch):
+def place(tmp_path, monkeypatch):
     """A recording of 70 frames whose poses are random numbers, told by their place; and a folder for the result."""
-    write_recording(tmp_path / "walk.npz", scene)
-    batches = []
-
-    def fake(first, track, recording, settings, prepared):
-        for start in range(first, len(recording), 32):
-            assert (None if start == 0 else start) == (track and track.since)
-            batches.append(start)
-            count = min(32, len(recording) - start)
-            track = some_track(start + count)
-            poses = some_poses(start, count)
-            yield replace(poses, status=poses.status * 0, tips=np.ones_like(poses.tips)), track
-
-    monkeypatch.setattr(one, "prepare", lambda recording, settings: None)
-    monkeypatch.setattr(one, "batches_from", fake)
-    return Source("walk", tmp_path / "walk.npz"), tmp_path / "out", batches
+    return faked_source(tmp_path), tmp_path / "out", fake(monkeypatch)
 
 
 def test_done_once(place):
@@ -80,7 +57,7 @@ def test_done_again_when_something_changed(place, monkeypatch):
     assert finished_before(source, output, Method(Settings(spacing=0.02))) is None
     assert finished_before(source, output, Method(smooth_hz=2.0)) is None
     with monkeypatch.context() as patch:
-        patch.setattr(one, "current_version", lambda: "another")
+        patch.setattr(_reading, "current_version", lambda: "another")
         assert finished_before(source, output, METHOD) is None
     (output / "walk" / "poses.csv").rename(output / "poses.csv")
     assert finished_before(source, output, METHOD) is None
@@ -97,13 +74,14 @@ def test_a_development_version_counts_its_code(monkeypatch):
 
 
 @pytest.mark.parametrize("before", [0, 1])
-@pytest.mark.parametrize("step", range(14))
-def test_killed_at_any_step_the_result_is_the_old_one_or_the_new_one(place, monkeypatch, before, step):
+@pytest.mark.parametrize("step", range(30))
+def test_killed_at_any_step_a_result_with_a_manifest_is_whole(place, monkeypatch, before, step):
     """Each call that changes the disk is the last one in turn; then the recording is taken up again."""
     source, output, batches = place
     if before:
         old = reconstruct_one(source, output, Method(Settings(spacing=0.02)))
         assert old.outcome is Outcome.DONE
+        (output / "walk" / "notes.txt").write_text("mine")
     steps = iter(range(100))
 
     def killed_at(function):
@@ -114,26 +92,26 @@ def test_killed_at_any_step_the_result_is_the_old_one_or_the_new_one(place, monk
 
         return called
 
+    was_killed = False
     with monkeypatch.context() as patch:
-        for name in ("rename", "replace", "fsync"):
+        for name in ("rename", "replace", "fsync", "unlink", "rmdir"):
             patch.setattr(os, name, killed_at(getattr(os, name)))
-        patch.setattr(shutil, "rmtree", killed_at(shutil.rmtree))
         try:
             reconstruct_one(source, output, METHOD)
         except Killed:
-            pass
-    done = read_results(output) if (output / "walk").exists() else {}
-    if done:
-        poses = read_poses(output / "walk" / "poses.npz")
-        assert len(poses) == done["walk"].frames == 70
-    elif before:
-        # Only while the new one, whole, is about to take its place.
-        assert sorted(path.name for path in output.iterdir()) == [".locks", ".walk.old", ".walk.part"]
+            was_killed = True
+    assert was_killed == (step < next(steps))
+    if (output / "walk/manifest.json").exists():
+        manifest = ResultFolder(output, "walk").finished()
+        assert manifest is not None
+        assert len(read_poses(output / "walk" / "poses.npz")) == manifest.frames == 70
     batches.clear()
     found = reconstruct_one(source, output, METHOD)
     assert (found.outcome, found.frames) == (Outcome.DONE, 70)
     assert found.resumed == (batches[0] if batches else 70) or not batches
     assert sorted(os.listdir(output)) == [".locks", "walk"]
+    notes = ["notes.txt"] if before else []
+    assert sorted(os.listdir(output / "walk")) == ["manifest.json", *notes, "poses.csv", "poses.npz"]
     np.testing.assert_array_equal(read_poses(output / "walk" / "poses.npz").frame_index, np.arange(70))
 
 
@@ -193,19 +171,6 @@ def test_failures_are_told_and_the_old_result_stays(place, monkeypatch):
     assert not (output / "walk.failed.json").exists()
 
 
-def test_what_is_no_result_is_not_replaced(place):
-    source, output, _ = place
-    (output / "walk").mkdir(parents=True)
-    (output / "walk" / "notes.txt").write_text("mine")
-    found = reconstruct_one(source, output, METHOD)
-    assert found.problem == f"{output / 'walk'}: is no result, but in the way of one; mend that and run again"
-    assert (output / "walk" / "notes.txt").read_text() == "mine"
-    (output / "walk").rename(output / "elsewhere")
-    found = reconstruct_one(source, output, METHOD)
-    assert (found.outcome, found.frames) == (Outcome.DONE, 70)
-    assert not (output / "walk.failed.json").exists()
-
-
 def test_a_full_disk_is_a_failure_of_its_recording(place, monkeypatch):
     source, output, _ = place
 
@@ -233,11 +198,13 @@ def test_a_defect_of_the_package_is_a_failure_with_a_trace(place, monkeypatch):
 def test_two_processes_do_not_work_at_one_recording(place, monkeypatch):
     source, output, batches = place
     monkeypatch.setattr(one, "_PATIENCE", 0.05)
+    signs = []
     lock = ResultFolder(output, "walk").lock
     lock.parent.mkdir(parents=True)
     with FileLock(lock):
-        found = reconstruct_one(source, output, METHOD)
+        found = reconstruct_one(source, output, METHOD, on_sign=signs.append)
     assert found.problem == f"{source.path}: another process works on it; wait for that one"
+    assert signs == ["waiting for another process that works on it"]
     assert not batches
     assert not (output / "walk.failed.json").exists()
 
@@ -264,3 +231,31 @@ def test_impossible_filters_are_refused(place, hertz):
     source, output, _ = place
     found = reconstruct_one(source, output, Method(smooth_hz=hertz))
     assert f"a cutoff of {hertz:g} Hz; give one between 0 and 2.5 Hz" in str(found.problem)
+
+
+def test_inputs_that_are_no_regular_files_are_refused_and_not_read(tmp_path, monkeypatch):
+    fake(monkeypatch)
+    (tmp_path / "r").mkdir()
+    root = write_folder(tmp_path / "r")
+    others = {"zero": "/dev/zero", "fifo": root / "fifo", "link": root / "link"}
+    os.mkfifo(root / "fifo")
+    (root / "link").symlink_to("fifo")
+    for name, target in others.items():
+        described = (root / "recording.toml").read_text().replace("calibration.toml", str(target))
+        other = tmp_path / name
+        other.mkdir()
+        shutil.copytree(root / "masks", other / "masks")
+        (other / "recording.toml").write_text(described)
+        found = reconstruct_one(Source(name, other), tmp_path / "out", METHOD)
+        assert found.problem is not None
+        assert str(target) in found.problem
+        assert "no regular file" in found.problem
+    for name in ("masks/front/000000.png", "recording.toml", "calibration.toml"):
+        (root / name).unlink()
+        os.mkfifo(root / name)
+        found = reconstruct_one(Source("r", root), tmp_path / "out", METHOD)
+        assert found.outcome is Outcome.FAILED
+        assert "\n" not in str(found.problem)
+    os.mkfifo(tmp_path / "x.npz")
+    found = reconstruct_one(Source("x", tmp_path / "x.npz"), tmp_path / "out", METHOD)
+    assert "no regular file" in str(found.problem)

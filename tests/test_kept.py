@@ -1,5 +1,8 @@
 """Compiled functions from the disk are those that were compiled, and are found only where they are the same."""
 
+import hashlib
+import os
+import pickle
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -11,7 +14,7 @@ import numpy as np
 import optimistix as optx
 import pytest
 
-from jaxskel import _kept
+from jaxskel import _kept, _private
 from jaxskel._kept import Kept
 from jaxskel._skeleton import Pose
 
@@ -127,6 +130,102 @@ def test_a_folder_that_cannot_be_written_is_said_and_does_no_harm(folder: Path):
     with pytest.warns(UserWarning, match="could not be kept"):
         found = Kept(solved)(*given())
     assert same(found, eqx.filter_jit(solved)(*given()))
+
+
+def spoilt_program(file: Path, mark: Path) -> None:
+    """What somebody else might put there: it leaves a mark where it is unpickled."""
+    content = pickle.dumps(Marking(mark))
+    file.write_bytes(hashlib.sha256(content).digest() + content)
+
+
+class Marking:
+    def __init__(self, mark: Path):
+        self.mark = mark
+
+    def __reduce__(self):
+        return Path.touch, (self.mark,)
+
+
+OWNERS = pytest.mark.skipif(not hasattr(os, "getuid"), reason="the system knows no owners")
+
+
+def others_may_write(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path.chmod(0o777)
+
+
+def group_may_write(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path.chmod(0o770)
+
+
+def of_another_user(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "getuid", lambda: path.stat().st_uid + 1)
+
+
+@OWNERS
+@pytest.mark.parametrize("spoil", [others_may_write, group_may_write, of_another_user])
+@pytest.mark.parametrize("what", ["file", "folder", "folder of JAX"])
+def test_what_others_may_have_written_is_not_loaded_and_said_once(folder, capsys, monkeypatch, tmp_path, spoil, what):
+    first = Kept(solved)(*given())
+    (file,) = folder.iterdir()
+    assert file.stat().st_mode & 0o077 == 0
+    assert folder.stat().st_mode & 0o077 == 0
+    capsys.readouterr()
+    mark = tmp_path / "mark"
+    spoilt_program(file, mark)
+    before = file.read_bytes()
+    spoil({"file": file, "folder": folder, "folder of JAX": tmp_path}[what], monkeypatch)
+    monkeypatch.setattr(_private, "_said", False)
+    _kept._usable.cache_clear()
+    for n in (3, 4):
+        Kept(solved)(*given(n))
+    assert not mark.exists()
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "chmod" in said
+    if what != "file":
+        assert [file.read_bytes() for file in folder.iterdir()] == [before]
+    elif spoil is not of_another_user:  # its folder is private still, so it is made anew
+        assert file.read_bytes() != before
+        assert same(Kept(solved)(*given()), first)
+
+
+@OWNERS
+def test_a_file_of_ones_own_is_loaded_and_nothing_said(folder, capsys, tmp_path):
+    Kept(solved)(*given())
+    (file,) = folder.iterdir()
+    spoilt_program(file, mark := tmp_path / "mark")
+    capsys.readouterr()
+    with pytest.raises(TypeError):  # what Path.touch returns is no program
+        Kept(solved)(*given())
+    assert mark.exists(), "the test above cannot fail"
+    assert capsys.readouterr().err == ""
+
+
+@OWNERS
+def test_a_link_is_not_followed_and_a_fifo_not_waited_for(folder, tmp_path):
+    first = Kept(solved)(*given())
+    (file,) = folder.iterdir()
+    spoilt_program(elsewhere := tmp_path / "elsewhere", mark := tmp_path / "mark")
+    before = elsewhere.read_bytes()
+    file.unlink()
+    file.symlink_to(elsewhere)
+    assert same(Kept(solved)(*given()), first)
+    assert not mark.exists()
+    assert elsewhere.read_bytes() == before
+    assert not file.is_symlink()
+    file.unlink()
+    os.mkfifo(file)
+    with pytest.warns(UserWarning, match="no regular file"):
+        assert same(Kept(solved)(*given()), first)
+
+
+@pytest.mark.parametrize("missing", ["getuid", "O_NOFOLLOW", "O_NONBLOCK"])
+def test_it_works_where_the_system_lacks(folder, monkeypatch, missing):
+    monkeypatch.delattr(os, missing, raising=False)
+    first = Kept(solved)(*given())
+    TRACED.clear()
+    assert same(Kept(solved)(*given()), first)
+    assert TRACED == []
 
 
 def test_traced_itself_it_is_a_function_like_others(folder: Path):

@@ -238,7 +238,7 @@ def test_broken_bvh(old, new, message):
 
 
 def test_readers_name_the_file(tmp_path):
-    with pytest.raises(ValueError, match=r"none\.bvh: no such file"):
+    with pytest.raises(ValueError, match=r"none\.bvh: cannot be opened"):
         read_bvh(tmp_path / "none.bvh")
     (tmp_path / "a.asf").write_text(ASF)
     (tmp_path / "a.amc").write_text(AMC.replace("spine 90", "spine"))

@@ -184,7 +184,7 @@ def broken(tmp_path: Path, what: str) -> None:
     ("what", "told"),
     [("no folder", "No such file"), ("no images", "holds no images"), ("no number", "no frame number"),
      ("number twice", "remove one of them"), ("damaged image", "1.png: is no image"),
-     ("image of another size", "is 3 x 3 px, but 000000.png 24 x 16"), ("no video", "no such file"),
+     ("image of another size", "is 3 x 3 px, but 000000.png 24 x 16"), ("no video", "cannot be opened"),
      ("not a video", "is no video"), ("no such key", "'cam9': is missing"), ("wrong shape", "cam1_shape")],
 )  # fmt: skip
 def test_what_cannot_be_read_is_named_in_a_line(tmp_path, what, told):

@@ -1,8 +1,8 @@
 """Poses on the disk as they come, so that a recording goes on where it broke off."""
 
 import hashlib
-import shutil
 import zlib
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,12 +15,14 @@ from .._poses import Poses
 from .._skeleton import Pose
 from .._track import Track
 from ..io._archive import numbers, read_arrays, texts
+from ._disk import remove_unfinished
 
 _ROW = np.dtype([
     ("joints", "<f4", (15, 3)), ("tips", "<f4", (5, 3)), ("confidence", "<f4", (15,)), ("side_confidence", "<f4"),
     ("status", "<i8"), ("frame_index", "<i8"),
 ])  # fmt: skip
 ROW_BYTES = _ROW.itemsize
+_ROWS, _STATE = "rows.bin", "state.npz"
 _NOWHERE = Pose(np.zeros(3), np.zeros((17, 3, 3)))
 _TRACK = jax.tree.structure(Track(_NOWHERE, _NOWHERE, 0, np.zeros(0)))
 
@@ -29,19 +31,19 @@ class Journal:
     """A folder with the poses of a recording's frames so far.
 
     A file of rows grows; another one, replaced whole, says how many of them count and what the next batch goes on
-    with. What was written for other work, or is damaged, is thrown away.
+    with. What was written for other work, or is damaged, is thrown away: these two files, and no other.
     """
 
     def __init__(self, folder: Path, work: str, request: str = ""):
         """Open the folder, or make it.
 
         Args:
-            folder: The folder. Nothing else is in it.
+            folder: The folder.
             work: What the poses depend on: anything that is the same only if they are.
             request: Name of a request to compute again: poses from before it do not count. Empty: all do.
         """
         self.folder = folder
-        self._rows, self._state = folder / "rows.bin", folder / "state.npz"
+        self._rows, self._state = folder / _ROWS, folder / _STATE
         self._request = request
         self._work = hashlib.sha256(work.encode(errors="surrogateescape")).hexdigest()
         self.frames, self._digest, self.track = 0, 0, None
@@ -49,8 +51,8 @@ class Journal:
             self._resume()
         except (OSError, ValueError):
             self.frames, self._digest, self.track = 0, 0, None
-            shutil.rmtree(folder, ignore_errors=True)
-            folder.mkdir(parents=True)
+            discard_journal(folder)
+            folder.mkdir(parents=True, exist_ok=True)
         with open(self._rows, "ab") as file:
             file.truncate(self.frames * _ROW.itemsize)
 
@@ -98,3 +100,14 @@ class Journal:
             track = jax.tree.unflatten(_TRACK, [arrays[key] for key in leaves])
             # Numbers that were Python's are so again: JAX compiles anew for others.
             self.track = replace(track, since=int(track.since), sides=float(track.sides))
+
+
+def discard_journal(folder: Path) -> None:
+    """Remove a journal's files, and its folder where nothing else is in it."""
+    if not folder.is_dir():
+        return
+    remove_unfinished(folder / _STATE)
+    for name in (_STATE, _ROWS):
+        (folder / name).unlink(missing_ok=True)
+    with suppress(OSError):  # something else is in it
+        folder.rmdir()

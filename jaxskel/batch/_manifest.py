@@ -15,13 +15,14 @@ from .._files import written_whole
 from .._kept import digest_of_code
 from .._poses import Poses
 from ..io._archive import fault
-from ..io._bounded import read_bounded
+from ..io._bounded import open_regular, read_bounded
 from ._inputs import Input, same_contents
 
-MANIFEST_FILE = "manifest.json"
 # A result depends on these too, but a new release of one of them is no reason to compute it again.
 _LIBRARIES = ("jax", "jaxlib", "optimistix", "equinox", "numpy", "scipy", "opencv-python-headless")
 _MAX_BYTES = 10_000_000
+# How the JSON of a manifest begins, by which a damaged one is told from other people's files.
+_BEGIN = b'{\n "outcome": "'
 
 
 class Outcome(StrEnum):
@@ -69,6 +70,10 @@ class Manifest:
     """Name of the request to compute it again that it answers; empty: of none."""
     resumed: int = 0
     """Frames that were there already when the work was last taken up."""
+    results: Mapping[str, Input] = field(default_factory=dict)
+    """The files that belong to it; of a version before this was written down, nothing."""
+    note: str = ""
+    """What else there is to tell, in one line."""
     finished: str = ""
     host: str = ""
     libraries: Mapping[str, str] = field(default_factory=dict)
@@ -86,7 +91,8 @@ class Manifest:
             return f"failed: {self.problem}"
         fps = "" if self.fps is None else f", {self.fps:.1f} fps"
         resumed = f", {self.resumed} of them before" if self.resumed else ""
-        return f"{self.frames} frames{resumed}, {self.with_pose} with a pose{fps}"
+        note = f"; {self.note}" if self.note else ""
+        return f"{self.frames} frames{resumed}, {self.with_pose} with a pose{fps}{note}"
 
 
 def done(
@@ -130,14 +136,34 @@ def read_manifest(path: Path) -> Manifest:
     try:
         table: dict[str, Any] = json.loads(content)
         work = table["work"]
-        inputs = {str(name): Input(**each) for name, each in work["inputs"].items()}
-        found = Manifest(**table | {"outcome": Outcome(table["outcome"]), "work": Work(**work | {"inputs": inputs})})
+        outcome, inputs, results = Outcome(table["outcome"]), _files(work["inputs"]), _files(table.get("results", {}))
+        found = Manifest(**table | {"outcome": outcome, "work": Work(**work | {"inputs": inputs}), "results": results})
         numbers = (found.frames, found.with_pose, found.resumed, *found.counts.values(), *found.seconds.values())
         if not all(isinstance(number, int | float) for number in numbers):
             raise ValueError("counts and times that are no numbers")
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         raise fault(path, None, f"is no manifest of a batch ({error}); delete it and run again") from None
     return found
+
+
+def is_manifest(path: Path) -> bool:
+    """Whether a file is a manifest of a batch, if only a damaged one; a link is none."""
+    if path.is_symlink():
+        return False
+    try:
+        read_manifest(path)
+        return True
+    except (ValueError, OSError):
+        pass
+    try:
+        with open_regular(path) as file:
+            return file.read(len(_BEGIN)) == _BEGIN
+    except (ValueError, OSError):
+        return False
+
+
+def _files(table: Mapping[str, Mapping[str, Any]]) -> dict[str, Input]:
+    return {str(name): Input(**each) for name, each in table.items()}
 
 
 def _stamped(manifest: Manifest) -> Manifest:

@@ -8,18 +8,20 @@ from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
 
+import equinox as eqx
 import jax
 from filelock import FileLock, Timeout
 
 from .._advice import advice
 from .._pipeline import batches_from
 from .._prepare import prepare
+from .._silhouettes import AbstractSilhouettes
 from .._smooth import smooth
-from ..io.inputs import input_paths
 from ._folders import ResultFolder
-from ._inputs import read_inputs
 from ._manifest import Manifest, Work, current_version, done, failed
 from ._method import Method
+from ._overlaps import check_overlaps
+from ._reading import Changed, Reading, Watched, current_work
 from ._sources import Source
 
 # Another process that is about to end lets go of a recording within this time (s): a cluster starts a task again
@@ -34,11 +36,11 @@ def finished_before(source: Source, output: Path, method: Method, request: str =
         found = folder.finished()
         if found is None or request not in ("", found.request):
             return None
-        if not _work(source, method, found.work).same(found.work):
+        if not current_work(source, method, found.work).same(found.work):
             return None
         # What went wrong since, as long as the recording was another one, is over.
-        folder.failure.unlink(missing_ok=True)
-    except OSError:
+        folder.forget_failure()
+    except (OSError, ValueError):
         return None
     return found
 
@@ -49,6 +51,7 @@ def reconstruct_one(
     method: Method,
     request: str = "",
     on_frames: Callable[[int, int], None] = lambda done, total: None,
+    on_sign: Callable[[str], None] = lambda doing: None,
 ) -> Manifest:
     """Reconstruct a recording, or go on with it, and put the result in its place.
 
@@ -58,6 +61,7 @@ def reconstruct_one(
         method: How to reconstruct.
         request: Name of a request to compute again what is there already; empty: it is left alone.
         on_frames: Called with the number of frames done and of all frames.
+        on_sign: Told again and again what is being done: as long as it is, the work goes on.
 
     Returns:
         The manifest of the result. Whatever goes wrong, it says so: nothing is raised for a recording's sake.
@@ -65,14 +69,30 @@ def reconstruct_one(
     folder = ResultFolder(output, source.name)
     work = Work(str(source.path), {}, method.described, current_version())
     try:
+        check_overlaps([source], output, method.subject)
+    except (ValueError, OSError) as error:
+        return failed(work, str(error))  # not written down: who knows where
+    try:
+        folder.check()
         folder.lock.parent.mkdir(parents=True, exist_ok=True)
-        with FileLock(folder.lock, timeout=_PATIENCE):
+        with _locked(folder.lock, on_sign):
             folder.take_place()
             before = finished_before(source, output, method, request)
             if before is not None:
                 return before
-            work = _work(source, method)
-            return _reconstructed(source, folder, work, method, request, on_frames)
+            for note in ("", "started over, because its files were changed while they were read"):
+                reading = Reading(source, method, on_sign)
+                work = reading.work
+                try:
+                    return _reconstructed(folder, reading, request, note, on_frames)
+                except Exception as error:
+                    if not (isinstance(error, Changed) or reading.is_changed):
+                        raise
+                folder.discard_journal()
+            raise ValueError(
+                f"{source.path}: was changed while it was read, and again when that was started over; let it be "
+                "written, then run again"
+            )
     except Timeout:
         return failed(work, f"{source.path}: another process works on it; wait for that one")
     except ValueError as error:
@@ -88,23 +108,49 @@ def reconstruct_one(
         return recorded(folder, failed(work, told, traceback.format_exc()))
 
 
+@contextmanager
+def _locked(path: Path, on_sign: Callable[[str], None]) -> Iterator[None]:
+    """Hold a lock; wait for it for a while.
+
+    Raises:
+        Timeout: Another process holds it.
+    """
+    lock, end = FileLock(path), time.monotonic() + _PATIENCE
+    while True:
+        on_sign("waiting for another process that works on it")
+        left = end - time.monotonic()
+        try:
+            lock.acquire(timeout=min(max(left, 0.0), 1.0))
+            break
+        except Timeout:
+            if left <= 1.0:
+                raise
+    try:
+        yield
+    finally:
+        lock.release()
+
+
 def _reconstructed(
-    source: Source,
-    folder: ResultFolder,
-    work: Work,
-    method: Method,
-    request: str,
-    on_frames: Callable[[int, int], None],
+    folder: ResultFolder, reading: Reading, request: str, note: str, on_frames: Callable[[int, int], None]
 ) -> Manifest:
+    source, method, on_sign = reading.source, reading.method, reading.on_sign
     seconds: dict[str, float] = {}
+    on_sign("reading it")
     with _timed(seconds, "read"):
         recording = method.read(source.path)
+    if isinstance(recording.silhouettes, AbstractSilhouettes):
+        watched = Watched(recording.silhouettes, lambda: on_sign("reading its silhouettes"))
+        recording = eqx.tree_at(lambda r: r.silhouettes, recording, watched)
     on_frames(0, len(recording))
+    on_sign("preparing")
     with _timed(seconds, "prepare"):
         settings = method.settings_for_subject()
         prepared = prepare(recording, settings)
-    journal = folder.journal(json.dumps(asdict(replace(work, source=""))), request)
+    work = replace(reading.work, source="")
+    journal = folder.journal(json.dumps(asdict(work) | {"moment": reading.moment}), request)
     resumed = journal.frames
+    on_sign("reconstructing")
     with _timed(seconds, "reconstruct"):
         for poses, track in batches_from(resumed, journal.track, recording, settings, prepared):
             journal.append(poses, track)
@@ -115,17 +161,11 @@ def _reconstructed(
             poses = smooth(poses, method.smooth_hz)
         told = advice(poses, recording)
         problem = None if told is None else f"{source.path}: {told}"
-        manifest = done(work, poses, problem, seconds, request, resumed)
-        folder.finish(poses, manifest)
-    return manifest
-
-
-def _work(source: Source, method: Method, known: Work | None = None) -> Work:
-    paths = input_paths(source.path)
-    if method.subject is not None:
-        paths["--subject"] = method.subject
-    inputs = read_inputs(paths, None if known is None else known.inputs)
-    return Work(str(source.path), inputs, method.described, current_version())
+        on_sign("writing its poses")
+        if reading.is_changed:
+            raise Changed
+        manifest = replace(done(reading.work, poses, problem, seconds, request, resumed), note=note)
+        return folder.finish(poses, manifest)
 
 
 def recorded(folder: ResultFolder, manifest: Manifest) -> Manifest:

@@ -7,8 +7,9 @@ from pathlib import Path
 from ._manifest import Manifest, Outcome
 from ._method import Method
 from ._one import finished_before
+from ._places import check_places
 from ._sources import Source
-from ._workers import Finished, Progress, work_on
+from ._workers import TIMEOUT, Finished, Progress, work_on
 
 
 @dataclass(frozen=True)
@@ -53,12 +54,16 @@ def run_batch(
     request: str = "",
     on_event: Callable[[Progress | Finished], None] = lambda event: None,
     on_start: Callable[[int], None] = lambda before: None,
+    timeout: float = TIMEOUT,
 ) -> BatchResult:
     """Reconstruct recordings, each into a folder of its name with `poses.npz`, `poses.csv` and `manifest.json`.
 
     A recording is left alone where its result is there and neither its files nor the settings nor this package have
     changed since. One that fails does not harm the others; one that was broken off goes on from there. Processes
     are spawned: a script that calls this needs ``if __name__ == "__main__":``.
+
+    Only these files are written or replaced, one by one; what else is in a result's folder stays as it is. Poses that
+    somebody has changed since are renamed before new ones take their place.
 
     Args:
         sources: The recordings, see `find_sources`.
@@ -69,21 +74,26 @@ def run_batch(
             name already is left alone, so that one that was broken off goes on.
         on_event: Told how it goes.
         on_start: Told how many were done before.
+        timeout: A process that gives no sign of life for so long (s) is killed, which costs its recording only.
 
     Returns:
         A manifest for each recording.
 
     Raises:
-        ValueError: There are no jobs.
+        ValueError: There are no jobs or no time, or a result would meet an input, would replace a file of somebody
+            else's, or cannot be written.
     """
     if jobs < 1:
         raise ValueError(f"{jobs} jobs: give at least one")
+    if not timeout > 0:
+        raise ValueError(f"a timeout of {timeout:g} s: give a positive number of seconds")
     method = method or Method()
+    check_places(sources, output, method.subject)
     before = {source.name: finished_before(source, output, method, request) for source in sources}
     there = {name: manifest for name, manifest in before.items() if manifest is not None}
     on_start(len(there))
     now = {}
-    for event in work_on([s for s in sources if s.name not in there], output, method, jobs, request):
+    for event in work_on([s for s in sources if s.name not in there], output, method, jobs, request, timeout):
         if isinstance(event, Finished):
             now[event.source.name] = event.manifest
         on_event(event)

@@ -1,15 +1,16 @@
 """Which recordings a batch is made of, and where each one's result goes."""
 
-import glob
+import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
+from ..io._archive import fault
 from ..io._bounded import read_bounded
 from ..io.folders import RECORDING_FILE
-from ..io.inputs import holds_silhouettes
+from ._names import check_name
+from ._search import is_pattern, is_recording, matches, recordings_below
 
-_WILD = "*?["
 _LONGEST_LIST = 100_000_000  # bytes: a million long paths
 
 
@@ -21,6 +22,8 @@ class Source:
     """Of its result, a folder: unique in the batch, with ``/`` where recordings were found in a folder's folders."""
     path: Path
     """The sequence file, or the recording's folder."""
+    listed_in: Path | None = None
+    """The list that names it, if one does."""
 
 
 def find_sources(inputs: Iterable[str | Path]) -> list[Source]:
@@ -29,16 +32,18 @@ def find_sources(inputs: Iterable[str | Path]) -> list[Source]:
     Args:
         inputs: Each a sequence file, a recording's folder, a folder with recordings anywhere below it, a pattern with
             ``*``, or a text file with one of these a line (``#`` begins a comment). What is found below a folder is
-            named by its place there, all else by its own name.
+            named by its place there, all else by its own name. A folder that links lead to as well is searched once.
 
     Raises:
-        ValueError: Something is not there, no recording is found, or two results would have the same name.
+        ValueError: Something is not there or cannot be read, no recording is found, two results would have the same
+            name, or one would have a name that no result can have.
     """
     found: dict[str, Source] = {}
     for each in inputs:
-        for source in _below(str(each)):
+        for source in _below(str(each), ()):
+            check_name(source.path, source.name)
             same = found.setdefault(source.name, source)
-            if same.path.absolute() != source.path.absolute():
+            if os.path.realpath(same.path) != os.path.realpath(source.path):
                 raise ValueError(
                     f"{source.path}: its result would be {source.name}, as that of {same.path}; give a folder that "
                     "holds both, and they are named by their places in it"
@@ -55,46 +60,44 @@ def find_sources(inputs: Iterable[str | Path]) -> list[Source]:
     return [found[name] for name in sorted(found)]
 
 
-def _below(given: str) -> Iterator[Source]:
+def _below(given: str, lists: tuple[Path, ...]) -> Iterator[Source]:
+    """What is meant by one input, which comes out of lists that name each other."""
     path = Path(given)
-    if not path.exists():
-        if not set(given) & set(_WILD):
-            raise ValueError(f"{path}: there is no such file or folder; check the path")
-        matches = sorted(glob.glob(given, recursive=True))
-        if not matches:
-            raise ValueError(f"{given}: matches nothing; check the pattern")
-        for match in matches:
-            yield from _below(match)
-    elif path.is_dir() and not (path / RECORDING_FILE).is_file():
-        yield from _in_folder(path)
-    elif path.is_dir() or path.suffix == ".npz" or path.name == RECORDING_FILE:
-        yield _source(path)
-    else:
-        yield from _listed(path)
-
-
-def _source(path: Path) -> Source:
-    folder = path.parent if path.name == RECORDING_FILE else path
-    return Source(folder.absolute().name.removesuffix(".npz"), folder)
-
-
-def _in_folder(folder: Path, above: str = "") -> Iterator[Source]:
-    """The recordings of a folder and those below it; hidden ones are skipped, and archives of something else."""
-    for path in sorted(folder.iterdir()):
-        if path.name.startswith("."):
-            continue
-        name = above + path.name.removesuffix(".npz")
-        if path.is_dir():
-            is_one = (path / RECORDING_FILE).is_file()
-            yield from [Source(name, path)] if is_one else _in_folder(path, f"{name}/")
-        elif path.suffix == ".npz" and holds_silhouettes(path):
-            yield Source(name, path)
-
-
-def _listed(path: Path) -> Iterator[Source]:
-    """The recordings of a list; one that is not there is for the batch to report."""
+    listed_in = lists[-1] if lists else None
     try:
-        lines = read_bounded(path, _LONGEST_LIST, "a list of recordings").decode().splitlines()
+        if not given:
+            raise ValueError("an input is empty; give the path of a recording")
+        if not path.exists():
+            if not is_pattern(given):
+                raise ValueError(f"{path}: there is no such file or folder; check the path")
+            found = matches(given)
+            if not found:
+                raise ValueError(f"{given}: matches nothing; check the pattern")
+            for match in found:
+                yield from _below(match, lists)
+        elif path.is_dir() and not is_recording(path):
+            yield from (Source(name, place, listed_in) for name, place in recordings_below(path))
+        elif path.is_dir() or path.suffix == ".npz" or path.name == RECORDING_FILE:
+            yield _source(path, listed_in)
+        else:
+            yield from _listed(path, lists)
+    except OSError as error:
+        raise fault(path, None, f"cannot be read ({error.strerror}); check the path") from None
+
+
+def _source(path: Path, listed_in: Path | None) -> Source:
+    folder = path.parent if path.name == RECORDING_FILE else path
+    # "." and ".." have the name of the folder that they lead to.
+    name = folder.name if folder.name not in ("", "..") else folder.resolve().name
+    return Source(name.removesuffix(".npz"), folder, listed_in)
+
+
+def _listed(path: Path, lists: tuple[Path, ...]) -> Iterator[Source]:
+    """The recordings of a list; one that is not there is for the batch to report."""
+    if any(path.samefile(other) for other in lists):
+        raise fault(path, None, "is a list that names itself; take it out")
+    try:
+        lines = read_bounded(path, _LONGEST_LIST, "a list of recordings").decode("utf-8-sig").splitlines()
     except UnicodeDecodeError:
         raise ValueError(f"{path}: is no sequence file (.npz), and no list of recordings: it is not text") from None
     for line in lines:
@@ -102,4 +105,7 @@ def _listed(path: Path) -> Iterator[Source]:
         if not entry:
             continue
         place = path.parent / entry
-        yield from _below(str(place)) if place.exists() or set(entry) & set(_WILD) else [_source(place)]
+        if place.exists() or is_pattern(entry):
+            yield from _below(str(place), (*lists, path))
+        else:
+            yield _source(place, path)

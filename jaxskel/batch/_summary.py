@@ -2,12 +2,15 @@
 
 import csv
 import io
+import os
 from collections.abc import Iterable
 from pathlib import Path
 
 from .._files import written_whole
-from ._folders import FAILED_SUFFIX
-from ._manifest import MANIFEST_FILE, Manifest, read_manifest
+from ..io._archive import fault
+from ..io._bounded import open_regular
+from ._manifest import Manifest, is_manifest, read_manifest
+from ._names import FAILED_SUFFIX, MANIFEST_FILE
 
 COLUMNS = ("name", "outcome", "frames", "with_pose", "fps", "confidence", "seconds", "problem", "source")
 
@@ -15,18 +18,20 @@ COLUMNS = ("name", "outcome", "frames", "with_pose", "fps", "confidence", "secon
 def read_results(output: Path) -> dict[str, Manifest]:
     """The manifests of all results below a folder, and of the recordings that failed, by name, sorted.
 
-    Where a recording has an older result and has failed since, the failure counts.
+    Where a recording has an older result and has failed since, the failure counts. Files of the same names that are of
+    something else are left out.
 
     Raises:
         ValueError: There are none, or one is damaged.
     """
     found = {}
-    for path in output.rglob(MANIFEST_FILE):
-        name = path.parent.relative_to(output)
-        if not any(part.startswith(".") for part in name.parts):
-            found[name.as_posix()] = read_manifest(path)
-    for path in output.rglob(f"*{FAILED_SUFFIX}"):
-        found[path.relative_to(output).as_posix().removesuffix(FAILED_SUFFIX)] = read_manifest(path)
+    for path in (*output.rglob(MANIFEST_FILE), *output.rglob(f"*{FAILED_SUFFIX}")):
+        place = path.relative_to(output)
+        if any(part.startswith(".") for part in place.parts) or not is_manifest(path):
+            continue
+        is_result = path.name == MANIFEST_FILE
+        name = place.parent.as_posix() if is_result else place.as_posix().removesuffix(FAILED_SUFFIX)
+        found[name] = read_manifest(path)
     if not found:
         raise ValueError(f"{output}: holds no result of a batch; check the path")
     return {name: found[name] for name in sorted(found)}
@@ -40,6 +45,24 @@ def summary_row(name: str, manifest: Manifest) -> tuple[str, ...]:
         "" if fps is None else f"{fps:.1f}", "" if confidence is None else f"{confidence:.2f}",
         f"{sum(manifest.seconds.values()):.1f}", manifest.problem or "", manifest.work.source,
     )  # fmt: skip
+
+
+def check_summary(path: Path) -> None:
+    """Refuse to replace a file that is no such table.
+
+    Raises:
+        ValueError: It is another one's; one line that names it.
+    """
+    if not os.path.lexists(path):
+        return
+    start = ",".join(COLUMNS).encode()
+    try:
+        with open_regular(path) as file:
+            is_table = file.read(len(start)) == start
+    except ValueError:
+        is_table = False
+    if not is_table:
+        raise fault(path, None, "was not written by jaxskel summary, which would replace it; give another --output")
 
 
 def write_summary(path: Path, rows: Iterable[tuple[str, ...]]) -> None:

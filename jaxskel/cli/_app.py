@@ -1,8 +1,9 @@
 """The commands, and how they end: 0 done, 1 done but without a single pose, 2 wrong input."""
 
+import io
 import sys
 from importlib.metadata import version
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -18,6 +19,7 @@ from ._init import init
 from ._refine_cameras import refine_cameras
 from ._report import report
 from ._run import run
+from ._say import warn
 from ._summary import summary
 from ._view import view
 
@@ -59,13 +61,39 @@ def _top(
         keep_compiled()
 
 
+# What all wrong uses of options and arguments raise; typer has no public name for it.
+_UsageError: type[Exception] = typer.BadParameter.__mro__[1]
+
+
 def main() -> None:
     """Run the command line; wrong input is one line on standard error and exit code 2."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # a name that the terminal has no letters for is still a name
     try:
-        app()
-    except (ValueError, OSError, MemoryError) as error:
-        print(f"jaxskel: {' '.join(str(error).split())}", file=sys.stderr)
+        code = app(standalone_mode=False)
+    except _UsageError as error:
+        # Called without anything, it has printed its help.
+        if type(error).__name__ != "NoArgsIsHelpError":
+            warn(_usage(error))
         sys.exit(2)
-    except KeyboardInterrupt:
-        print("jaxskel: interrupted", file=sys.stderr)
+    except (ValueError, OSError, MemoryError) as error:
+        warn(_one_line(error))
+        sys.exit(2)
+    except (KeyboardInterrupt, typer.Abort):
+        warn("interrupted")
         sys.exit(130)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _one_line(error: Exception) -> str:
+    if isinstance(error, OSError) and error.filename is not None and error.strerror:
+        name = error.filename if isinstance(error.filename, str) else str(error.filename)
+        return " ".join(f"{name}: {error.strerror}".split())
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def _usage(error: Any) -> str:
+    """What is wrong with an option or argument, and where it is said what there is."""
+    command = error.ctx.command_path if error.ctx is not None else "jaxskel"
+    return f"{' '.join(error.format_message().split()).rstrip('.')}; see {command} --help"

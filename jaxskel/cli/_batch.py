@@ -15,18 +15,21 @@ from rich.table import Table
 from .._settings import Settings
 from ..batch import (
     PROCESS_BYTES,
+    TIMEOUT,
     BatchResult,
     Finished,
     Manifest,
     Method,
     Outcome,
     Shard,
+    check_places,
     find_sources,
     run_batch,
 )
 from ..batch import Progress as Frames
 from ..io import read_subject
 from ._run import Box, MaxMisses, Preset, PresetOption, Smooth, Spacing, Subject, Track, check_output, make_settings
+from ._say import cell, say, warn
 from ._slurm import stop_when_told, submit
 
 
@@ -42,6 +45,9 @@ def batch(
     ] = None,
     shard: Annotated[str | None, typer.Option(metavar="I/N", help="Only the I-th of N parts.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Compute again what is done.")] = False,
+    timeout: Annotated[
+        float, typer.Option(help="A process that gives no sign of life for so long (s) costs its recording.")
+    ] = TIMEOUT,
     slurm: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Send it to Slurm as an array of N tasks, and return.")
     ] = None,
@@ -58,31 +64,34 @@ def batch(
     smooth_hz: Smooth = None,
 ) -> None:
     """Reconstruct many recordings; run again, it goes on with what is not done or has changed."""
+    if not timeout > 0:
+        raise ValueError(f"--timeout {timeout:g}: give a positive number of seconds")
     check_output(output)
-    sources = find_sources(inputs)
-    if shard is not None:
-        sources = _shard(shard).part(sources)
+    every = find_sources(inputs)
+    sources = every if shard is None else _shard(shard).part(every)
     settings = make_settings(preset, spacing, max_misses, box, track)
     if subject is not None:
         read_subject(subject)  # a fault of it is no recording's
     method = Method(settings, smooth_hz, subject)
     request = uuid4().hex if force else ""
+    if shard is not None or slurm is not None:  # each process sees its own part only
+        check_places(every, output, subject)
     if slurm is not None:
-        print(submit(sources, output, method, jobs or 1, request, slurm, slurm_minutes, slurm_option or []))
+        say(submit(sources, output, method, jobs or 1, request, timeout, slurm, slurm_minutes, slurm_option or []))
         return
     stop_when_told()
     begin = time.monotonic()
     try:
         with _Display(len(sources)) as display:
             jobs = jobs or _usable_cores()
-            found = run_batch(sources, output, method, jobs, request, display.event, display.start)
+            found = run_batch(sources, output, method, jobs, request, display.event, display.start, timeout)
     except KeyboardInterrupt:
-        print(f"jaxskel: {output}: interrupted; the same command goes on from here", file=sys.stderr)
+        warn(f"{output}: interrupted; the same command goes on from here")
         raise typer.Exit(130) from None
     problems = found.unsuccessful
     if problems:
         Console().print(_problems(problems))
-    print(_summary(output, found, time.monotonic() - begin))
+    say(_summary(output, found, time.monotonic() - begin))
     if problems:
         raise typer.Exit(1)
 
@@ -135,7 +144,7 @@ def _problems(problems: dict[str, Manifest]) -> Table:
     for column in ("recording", "outcome", "cause"):
         table.add_column(column, overflow="fold")
     for name, manifest in problems.items():
-        table.add_row(name, manifest.outcome, manifest.problem)
+        table.add_row(cell(name), cell(manifest.outcome), cell(manifest.problem or ""))
     return table
 
 

@@ -8,11 +8,28 @@ import jax
 from platformdirs import user_cache_path
 
 from .._kept import processor
+from .._private import is_private, make_private, say_shared
 
 
 def keep_compiled() -> None:
-    """Have JAX keep what it compiles, unless ``JAX_COMPILATION_CACHE_DIR`` tells it where already."""
-    if "JAX_COMPILATION_CACHE_DIR" in os.environ:
+    """Have JAX keep what it compiles, unless ``JAX_COMPILATION_CACHE_DIR`` tells it where already.
+
+    Where others may write, nothing is loaded and nothing kept, and that is said.
+    """
+    told = os.environ.get("JAX_COMPILATION_CACHE_DIR")
+    if told == "" or (told is not None and "://" in told):  # nowhere, or in a bucket of a cloud
+        return
+    folder = compiled_folder() if told is None else Path(told)
+    try:
+        make_private(folder)
+        shared = not is_private(folder)
+    except OSError:  # JAX compiles without it
+        shared = False
+    if shared:
+        say_shared(folder)
+        jax.config.update("jax_compilation_cache_dir", None)
+        os.environ.pop("JAX_COMPILATION_CACHE_DIR", None)  # for the processes of --jobs
+    if shared or told is not None:
         return
     for option, value in _options().items():
         jax.config.update(option, value)

@@ -11,34 +11,37 @@ from .._calibrate_body import FRAMES, STAGES, CalibratedBody
 from .._calibrate_body import calibrate_body as found_body
 from .._settings import Settings
 from ..io import read_recording, write_subject
+from ._outputs import chosen_file, files_of
 from ._progress import progress_bar
-from ._run import MaxMisses, Preset, Recorded, Spacing, check_output_file, make_settings
+from ._run import MaxMisses, Preset, Recorded, Spacing, make_settings
+from ._say import say
 
 
 def calibrate_body(
     source: Recorded,
-    output: Annotated[Path, typer.Option("--output", "-o", help="TOML file to write, for `run --subject`.")] = Path(
-        "subject.toml"
-    ),
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="TOML file to write, for `run --subject`.", show_default="subject.toml"),
+    ] = None,
     frames: Annotated[int, typer.Option(min=8, help="Frames to use, spread evenly.")] = FRAMES,
     spacing: Spacing = Settings.spacing,
     max_misses: MaxMisses = None,
 ) -> None:
     """Find the subject's bone lengths and radii from the silhouettes; dimensions in the recording are not looked at."""
-    check_output_file(output)
-    recording = read_recording(source)
     settings = make_settings(Preset.DEFAULT, spacing, max_misses, None)
+    output = chosen_file(output, "subject.toml", files_of(source), (".toml",))
+    recording = read_recording(source)
     progress, task = progress_bar(STAGES[0], len(STAGES))
     with progress:
 
         def on_stage(stage: str) -> None:
             progress.update(task, description=stage, completed=STAGES.index(stage))
 
-        found = found_body(recording, settings, frames=frames, on_stage=on_stage)
+        found = found_body(recording, settings, frames=min(frames, len(recording)), on_stage=on_stage)
         progress.update(task, completed=len(STAGES))
     write_subject(output, found.skeleton, found.body)
     Console().print(length_table(found))
-    print(_summary(output, found))
+    say(_summary(output, found))
 
 
 def length_table(found: CalibratedBody) -> Table:

@@ -13,8 +13,11 @@ from .._recording import pack_silhouettes
 from ..boards import Board, BoardCalibration, Intrinsics, board_intrinsics, some_frames
 from ..boards import calibrate_cameras as found_cameras
 from ..io.calibrations import read_calibration, write_pose2sim_calibration
-from ._run import check_output_file
+from ._outputs import chosen_file
+from ._ranges import check_number
+from ._say import cell, say
 
+_MOST_CORNERS = 500  # of a board, along or across: no camera resolves more
 _MASKS = 3  # frames of a mask video that are looked at
 
 
@@ -29,9 +32,10 @@ def calibrate_cameras(
             help="Calibration file with the lenses of all cameras, or a video of the board moved about, by camera.",
         ),
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Pose2Sim TOML file to write.")] = Path(
-        "calibration.toml"
-    ),
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Pose2Sim TOML file to write.", show_default="calibration.toml"),
+    ] = None,
     mask: Annotated[
         list[str] | None,
         typer.Option(metavar="CAM=FILE", help="Masks of a person, where the board looks the same turned."),
@@ -41,20 +45,25 @@ def calibrate_cameras(
     ] = None,
 ) -> None:
     """Find extrinsics from a checkerboard that lies or stands still at one place; the world's z is out of its face."""
-    check_output_file(output)
+    check_number("--square", square, 1e-3, 10, "the edge of a square in metres")
     sizes = board.lower().split("x")
     if len(sizes) != 2 or not all(part.isdecimal() for part in sizes):
         raise ValueError(f"--board {board}: give inner corners along and across, such as 9x6")
+    for size in sizes:
+        check_number("--board", int(size), 2, _MOST_CORNERS, "inner corners along and across")
     checkers = Board(int(sizes[0]), int(sizes[1]), square)
     by_camera = _by_camera("films", films)
+    masks = _by_camera("--mask", mask) if mask else {}
+    given = [Path(film if sign else name) for name, sign, film in (each.partition("=") for each in intrinsics)]
+    output = chosen_file(output, "calibration.toml", [*by_camera.values(), *masks.values(), *given], (".toml",))
     lenses = _lenses(intrinsics, checkers)
-    silhouettes = None if not mask else _silhouettes(_by_camera("--mask", mask), tuple(by_camera))
+    silhouettes = _silhouettes(masks, tuple(by_camera)) if masks else None
     found = found_cameras(by_camera, checkers, lenses, silhouettes, other_end)
     write_pose2sim_calibration(output, found.cameras)
     Console().print(_table(found))
     turned = f"; turned by half a turn: {', '.join(found.turned)}" if found.turned else ""
     covered = "" if found.coverage is None else f"; the hull covers {100 * found.coverage:.0f} % of the silhouettes"
-    print(f"{output}: {len(found.cameras)} cameras, corners fit to {found.rms.max():.2f} px or better{turned}{covered}")
+    say(f"{output}: {len(found.cameras)} cameras, corners fit to {found.rms.max():.2f} px or better{turned}{covered}")
 
 
 def _lenses(given: list[str], board: Board) -> dict[str, Intrinsics]:
@@ -102,5 +111,5 @@ def _table(found: BoardCalibration) -> Table:
     for name, rms, spread, centre in zip(
         found.cameras.names, found.rms, found.spread, found.cameras.centres, strict=True
     ):
-        table.add_row(name, f"{rms:.2f}", f"{spread:.2f}", *(f"{metres:.3f}" for metres in centre))
+        table.add_row(cell(name), f"{rms:.2f}", f"{spread:.2f}", *(f"{metres:.3f}" for metres in centre))
     return table

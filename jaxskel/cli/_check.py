@@ -13,31 +13,37 @@ from rich.table import Table
 from .._carve import carve
 from .._grid import VoxelGrid
 from .._hull import VisualHulls
+from .._pictures import PICTURES, write_image
 from .._pipeline import Settings, prepare
 from .._recording import Recording, unpack_silhouettes
 from .._reproject import agreement, reproject
 from .._views import lost_views, silhouette_areas
 from ..io import read_recording
-from ..overlays import draw_box, draw_hull, draw_silhouette, tile, write_image
+from ..overlays import draw_box, draw_hull, draw_silhouette, tile
+from ._outputs import chosen_file, files_of
 from ._run import Box, MaxMisses, Preset, Recorded, Spacing, make_settings
+from ._say import cell, say
 
 _FRAMES = 8
 
 
 def check(
     source: Recorded,
-    output: Annotated[Path, typer.Option("--output", "-o", help="Picture to write.")] = Path("check.png"),
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Picture to write.", show_default="check.png")
+    ] = None,
     frame: Annotated[int | None, typer.Option(help="Frame to draw, counted from 0; the middle one by default.")] = None,
     spacing: Spacing = Settings.spacing,
     max_misses: MaxMisses = None,
     box: Box = None,
 ) -> None:
     """Draw the voxel box and the hull's reprojection; report its coverage of the silhouettes in every view."""
+    settings = make_settings(Preset.DEFAULT, spacing, max_misses, box)
+    output = chosen_file(output, "check.png", files_of(source), PICTURES)
     recording = read_recording(source)
     drawn = len(recording) // 2 if frame is None else frame
     if not 0 <= drawn < len(recording):
         raise ValueError(f"{source}: there is no frame {drawn}; give 0 to {len(recording) - 1}")
-    settings = make_settings(Preset.DEFAULT, spacing, max_misses, box)
     # No pose is needed, hence no body.
     prepared = prepare(recording, replace(settings, search=None))
     if prepared.table is None:
@@ -66,11 +72,10 @@ def check(
         f"{name}: {100 * share:.1f} % covered" if np.isfinite(share) else f"{name}: no person"
         for name, share in zip(cameras.names, coverage[list(chosen).index(drawn)], strict=True)
     ]
-    output.parent.mkdir(parents=True, exist_ok=True)
     write_image(output, tile(images, labels, columns=min(5, len(images))))
     Console().print(_table(cameras.names, coverage, spill, lost))
-    print(_describe(recording, grid, hulls))
-    print(f"{output}: frame {drawn} of {recording.name}, silhouettes grey, hull yellow, voxel box violet")
+    say(_describe(recording, grid, hulls))
+    say(f"{output}: frame {drawn} of {recording.name}, silhouettes grey, hull yellow, voxel box violet")
 
 
 def _table(names: tuple[str, ...], coverage: np.ndarray, spill: np.ndarray, lost: np.ndarray) -> Table:
@@ -83,7 +88,7 @@ def _table(names: tuple[str, ...], coverage: np.ndarray, spill: np.ndarray, lost
         if there.any():
             values = (np.median(coverage[there, c]), coverage[there, c].min(), np.median(spill[there, c]))
             figures = [f"{100 * value:.1f}" for value in values]
-        table.add_row(name, *figures, str(int(lost[:, c].sum())))
+        table.add_row(cell(name), *figures, str(int(lost[:, c].sum())))
     return table
 
 

@@ -8,31 +8,38 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from .._pictures import write_image
 from .._pipeline import Settings
 from .._recording import Recording, unpack_silhouettes
 from ..io import write_poses, write_recording
 from ..metrics import score, score_table
-from ..overlays import draw_silhouette, draw_skeleton, tile, write_image
+from ..overlays import draw_silhouette, draw_skeleton, tile
 from ..synthetic import camera_ring, make_scene
-from ._evaluate import write_score
+from ._evaluate import SCORE_FILES, write_score
+from ._outputs import check_output
 from ._progress import StageTimes, progress_bar, reconstruct_with_progress, summary
-from ._run import check_output
+from ._ranges import check_number
+from ._run import POSES_FILES
+from ._say import say
+
+_FILES = ("scene.npz", *POSES_FILES, *SCORE_FILES, "views.png", "stages.png")
 
 
 def demo(
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write to.")],
-    frames: Annotated[int, typer.Option(min=1, help="Length of the scene.")] = 64,
-    cameras: Annotated[int, typer.Option(min=3, help="Cameras around the person.")] = 8,
+    frames: Annotated[int, typer.Option(help="Length of the scene.")] = 64,
+    cameras: Annotated[int, typer.Option(help="Cameras around the person.")] = 8,
 ) -> None:
     """Make a scene, reconstruct it, score it against its truth, and draw it."""
-    check_output(output)
+    check_number("--frames", frames, 1, 10_000, "a number of frames")
+    check_number("--cameras", cameras, 3, 64, "a number of cameras")
+    check_output(output, _FILES)
     progress, task = progress_bar("filming", frames)
     with progress:
         recording = make_scene(
             frames, cameras=camera_ring(cameras), on_frame=lambda done: progress.update(task, completed=done)
         )
-    output.mkdir(parents=True, exist_ok=True)
-    write_recording(output / "scene.npz", recording)
+    write_recording(output / "scene.npz", recording, made_by="jaxskel demo")
 
     times = StageTimes()
     poses, prepared = reconstruct_with_progress(recording, Settings(), times)
@@ -49,8 +56,8 @@ def demo(
     if times.later_frames:
         console.print(_speed(times))
     console.print(score_table({"demo": result}))
-    print(summary(poses, times))
-    print(f"{output}: scene.npz, poses.npz, poses.csv, score.json, score.png, views.png, stages.png")
+    say(summary(poses, times))
+    say(f"{output}: {', '.join(_FILES)}")
 
 
 def _speed(times: StageTimes) -> Table:

@@ -8,12 +8,16 @@ import numpy as np
 import typer
 from rich.console import Console
 
+from .._files import written_whole
 from .._poses import Poses
 from .._recording import Truth
 from .._rows import rows_by_index
 from ..io import read_poses, read_truth
 from ..metrics import Score, score, score_table
-from ._run import check_output
+from ._outputs import check_output
+from ._say import say
+
+SCORE_FILES = ("score.json", "score.png")
 
 
 def evaluate(
@@ -22,6 +26,8 @@ def evaluate(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for score.json and score.png.")] = None,
 ) -> None:
     """Score poses as the paper's Table 1 and Figure 3 do."""
+    if output is not None:
+        check_output(output, SCORE_FILES, [poses, truth])
     estimated = read_poses(poses)
     true, up, index = read_truth(truth)
     if up != estimated.up:
@@ -29,8 +35,7 @@ def evaluate(
     result = score_poses(estimated, true, index, str(truth))
     Console().print(score_table({poses.parent.name or poses.stem: result}))
     if output is not None:
-        check_output(output)
-        print(f"{write_score(output, result)}: {len(result)} frames scored")
+        say(f"{write_score(output, result)}: {len(result)} frames scored")
 
 
 def score_poses(poses: Poses, truth: Truth, index: np.ndarray, source: str) -> Score:
@@ -41,9 +46,10 @@ def score_poses(poses: Poses, truth: Truth, index: np.ndarray, source: str) -> S
 
 def write_score(folder: Path, result: Score) -> Path:
     """Write score.json and score.png; return the path of the first."""
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "score.json").write_text(json.dumps(result.to_dict(), indent=1) + "\n")
+    figures, picture = (folder / name for name in SCORE_FILES)
+    with written_whole(figures) as file:
+        file.write((json.dumps(result.to_dict(), indent=1) + "\n").encode())
     from ..plots import plot_score  # imports Matplotlib, which only some commands need
 
-    plot_score(result, folder / "score.png")
-    return folder / "score.json"
+    plot_score(result, picture)
+    return figures

@@ -1,6 +1,5 @@
 """`jaxskel export`: poses to files that other programs open."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +9,8 @@ from .._poses import Poses
 from .._recording import UP_AXES
 from ..io import read_poses, write_bvh, write_c3d, write_table, write_trc
 from ..io.markers import with_up
+from ._outputs import check_output_file
+from ._say import say, warn
 
 # What opens each kind of file, for the list of kinds in errors.
 _KINDS = {
@@ -45,11 +46,15 @@ def export(
         raise ValueError(f"--up {up}: give one of {', '.join(UP_AXES)}")
     if millimetres and all(output.suffix.lower() != ".trc" for output in outputs):
         raise ValueError("--millimetres: only a .trc may hold metres or millimetres; leave it out")
-    found = read_poses(poses)
     for output in outputs:
-        print(f"{output}: {len(found)} frames at {found.fps:g} fps, {_write(output, found, up, millimetres)}")
+        check_output_file(output, [poses])
+    found = read_poses(poses)
+    if not found.has_pose.any() and any(output.suffix.lower() == ".bvh" for output in outputs):
+        raise ValueError(f"{poses}: no frame has a pose, so there is nothing to animate; leave out the .bvh")
+    for output in outputs:
+        say(f"{output}: {len(found)} frames at {found.fps:g} fps, {_write(output, found, up, millimetres)}")
     if not found.has_pose.any():
-        print(f"jaxskel: {poses}: no frame has a pose", file=sys.stderr)
+        warn(f"{poses}: no frame has a pose")
         raise typer.Exit(1)
 
 

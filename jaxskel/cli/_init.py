@@ -5,11 +5,12 @@ from typing import Annotated
 
 import typer
 
-from .._files import written_whole
+from .._files import check_writable, written_whole
 from .._image_change import ImageChange
 from ..io._changed_images import read_change
 from ..io.folders import RECORDING_FILE
 from ..io.proposals import propose_recording
+from ._say import say
 
 
 def init(
@@ -39,12 +40,13 @@ def init(
         raise ValueError(f"{path}: is there already; edit it, or write it anew by --force")
     if fps is not None and not 0 < fps < 1e6:
         raise ValueError(f"--fps {fps:g}: give a positive number of frames per second")
+    check_writable(path)
     proposal = propose_recording(folder, views, calibration, fps, _change(turn, crop, scale))
     with written_whole(path) as file:
         file.write(proposal.text.encode())
     for doubt in proposal.doubts:
-        print(f"check: {doubt}")
-    print(f"{path}: {proposal.text.count('[views.')} views; next: jaxskel check {folder}")
+        say(f"check: {doubt}")
+    say(f"{path}: {proposal.text.count('[views.')} views; next: jaxskel check {folder}")
 
 
 def _change(turn: int | None, crop: str | None, scale: str | None) -> ImageChange | None:

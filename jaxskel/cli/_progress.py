@@ -53,7 +53,7 @@ class StageTimes:
 def progress_bar(what: str, total: int) -> tuple[Progress, TaskID]:
     """A progress bar on standard error, so that the output stays clean for scripts."""
     progress = Progress(
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
+        TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
         console=Console(stderr=True), refresh_per_second=2,
     )  # fmt: skip
     return progress, progress.add_task(what, total=total)

@@ -12,33 +12,42 @@ from .._camera import Cameras
 from .._refine_cameras import FRAMES, RefinedCameras
 from .._refine_cameras import refine_cameras as refined
 from ..io import read_recording, write_calibration, write_pose2sim_calibration
-from ._run import Recorded, check_output_file
+from ._outputs import chosen_file, files_of
+from ._ranges import check_number
+from ._run import Recorded
+from ._say import cell, say
 
 
 def refine_cameras(
     source: Recorded,
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="Calibration to write: .toml, as Pose2Sim reads it, or .npz.")
-    ] = Path("refined.toml"),
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Calibration to write: .toml, as Pose2Sim reads it, or .npz.",
+            show_default="refined.toml",
+        ),
+    ] = None,
     frames: Annotated[int, typer.Option(min=1, help="Frames to use, spread evenly.")] = FRAMES,
     rotation: Annotated[float, typer.Option(help="How far off a camera may point, standard deviation (°).")] = 1.0,
     shift: Annotated[float, typer.Option(help="How far off a camera may stand, standard deviation (m).")] = 0.02,
 ) -> None:
     """Turn and move cameras until the silhouettes agree; write the calibration, under the names of the views."""
-    if output.suffix not in (".toml", ".npz"):
-        raise ValueError(f"{output}: calibrations are written as .toml or .npz; choose such a name")
-    check_output_file(output)
+    check_number("--rotation", rotation, 1e-3, 90, "degrees")
+    check_number("--shift", shift, 1e-5, 10, "metres")
+    output = chosen_file(output, "refined.toml", files_of(source), (".toml", ".npz"))
     given = read_recording(source)
     if output.suffix == ".toml" and given.up != "+Z":
         raise ValueError(f"{output}: such files have no up axis, and this recording's is {given.up}; write a .npz")
     with Console(stderr=True).status("refining"):
-        found = refined(given, frames, float(np.radians(rotation)), shift)
+        found = refined(given, min(frames, len(given)), float(np.radians(rotation)), shift)
     if len(found.frames) == 0:
         raise ValueError(f"{source}: no frame shows the person in three views or more; nothing to refine by")
     _write(output, found.cameras, given.up)
     Console().print(refinement_table(found))
     doubt = "" if found.converged else ", not converged: run again on the result"
-    print(
+    say(
         f"{output}: {len(found.cameras)} cameras from {len(found.frames)} frames, outlines miss by "
         f"{np.nanmean(found.before):.2f} px before and {np.nanmean(found.after):.2f} px after{doubt}"
     )
@@ -52,7 +61,7 @@ def refinement_table(found: RefinedCameras) -> Table:
     for c, name in enumerate(found.cameras.names):
         turned, moved = np.degrees(np.linalg.norm(found.rotation[c])), 1e3 * np.linalg.norm(found.shift[c])
         note = "silhouettes hardly tell" if found.hardly_seen[c] else ""
-        table.add_row(name, f"{turned:.2f}", f"{moved:.1f}", note)
+        table.add_row(cell(name), f"{turned:.2f}", f"{moved:.1f}", note)
     return table
 
 

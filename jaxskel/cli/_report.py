@@ -7,22 +7,30 @@ import typer
 
 from ..io import read_poses, read_recording
 from ..report import LIMIT, write_report
+from ._outputs import chosen_file, files_of
 from ._progress import progress_bar
-from ._run import Recorded, check_output_file
+from ._ranges import check_number
+from ._run import Recorded
+from ._say import say
+
+_LARGEST = 2000  # MB; no browser opens more
 
 
 def report(
     source: Recorded,
     poses: Annotated[Path, typer.Argument(help="poses.npz as written by `jaxskel run`.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="HTML file to write.")] = Path("report.html"),
-    limit: Annotated[float, typer.Option(min=0, help="Greatest size of the page (MB).")] = LIMIT / 1e6,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="HTML file to write.", show_default="report.html")
+    ] = None,
+    limit: Annotated[float, typer.Option(help="Greatest size of the page (MB).")] = LIMIT / 1e6,
 ) -> None:
     """Write a page that plays the poses in 3D and over the silhouettes; it opens offline in any browser."""
-    check_output_file(output)
+    check_number("--limit", limit, 0, _LARGEST, "megabytes")
+    output = chosen_file(output, "report.html", [*files_of(source), poses])
     recording, found = read_recording(source), read_poses(poses)
     progress, task = progress_bar("drawing outlines", len(found))
     with progress:
         size = write_report(
             output, recording, found, round(1e6 * limit), lambda done: progress.update(task, completed=done)
         )
-    print(f"{output}: {len(found)} frames, {len(recording.cameras)} views, {size / 1e6:.1f} MB")
+    say(f"{output}: {len(found)} frames, {len(recording.cameras)} views, {size / 1e6:.1f} MB")

@@ -1,6 +1,5 @@
 """`jaxskel run`: a recording to poses."""
 
-import sys
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -15,7 +14,17 @@ from .._smooth import smooth
 from .._track import Tracking
 from ..batch import Method
 from ..io import write_poses
+from ._outputs import check_output as check_output
+from ._outputs import check_output_file as check_output_file
+from ._outputs import files_of
 from ._progress import StageTimes, doubt, reconstruct_with_progress, summary
+from ._ranges import check_number
+from ._say import say, warn
+
+MOST_JOBS = 256
+"""Processes at once: a machine's cores, and some to spare."""
+POSES_FILES = ("poses.npz", "poses.csv")
+_FARTHEST = 1e4  # m; farther away nobody is recorded
 
 Recorded = Annotated[Path, typer.Argument(metavar="RECORDING", help="Folder with a recording.toml, or sequence file.")]
 Spacing = Annotated[float, typer.Option(help="Edge length of a voxel (m).")]
@@ -42,7 +51,7 @@ PresetOption = Annotated[
 ]
 MaxMisses = Annotated[
     int | None,
-    typer.Option(min=0, help="Cameras that may see background at an occupied voxel. Default: judged from the masks."),
+    typer.Option(help="Cameras that may see background at an occupied voxel. Default: judged from the masks."),
 ]
 
 
@@ -60,8 +69,10 @@ def run(
 ) -> None:
     """Reconstruct every frame; write poses.npz and poses.csv."""
     method = Method(make_settings(preset, spacing, max_misses, box, track), smooth_hz, subject)
+    check_number("--smooth", smooth_hz, 1e-3, 1e6, "a cutoff in Hz")
+    check_number("--jobs", jobs, 1, MOST_JOBS, "a number of processes")
+    check_output(output, POSES_FILES, [*files_of(source), *([] if subject is None else [subject])])
     recording = method.read(source)
-    check_output(output)
     settings = method.settings_for_subject()
     times = StageTimes()
     poses, prepared = reconstruct_with_progress(recording, settings, times, jobs)
@@ -69,14 +80,14 @@ def run(
         poses = smooth(poses, smooth_hz)
     archive, table = write_poses(output, poses)
     if not prepared.skeleton_is_known:
-        print(f"{recording.name}: unknown subject, an average adult of {prepared.skeleton.stature:.2f} m was fitted")
-    print(f"{archive}, {table}: {summary(poses, times)}")
+        say(f"{recording.name}: unknown subject, an average adult of {prepared.skeleton.stature:.2f} m was fitted")
+    say(f"{archive}, {table}: {summary(poses, times)}")
     warning = doubt(poses, settings)
     if warning:
-        print(f"jaxskel: {source}: {warning}", file=sys.stderr)
+        warn(f"{source}: {warning}")
     problem = advice(poses, recording)
     if problem:
-        print(f"jaxskel: {source}: {problem}", file=sys.stderr)
+        warn(f"{source}: {problem}")
         raise typer.Exit(1)
 
 
@@ -86,20 +97,21 @@ def make_settings(
     """Settings from options."""
     if track and preset is Preset.PAPER:
         raise ValueError("--track: the paper's method treats each frame by itself; leave out --track or --preset")
+    check_number("--spacing", spacing, 1e-3, 1.0, "the edge of a voxel in metres")
+    check_number("--max-misses", max_misses, 0, 1000, "a number of cameras")
     base = paper_settings() if preset is Preset.PAPER else Settings()
-    corners = None if box is None else np.array(box, np.float64).reshape(2, 3)
+    corners = None if box is None else _corners(box)
     misses = base.max_misses if max_misses is None else max_misses
     tracking = Tracking() if track else None
     return replace(base, spacing=spacing, max_misses=misses, box=corners, tracking=tracking)
 
 
-def check_output(folder: Path) -> None:
-    """Refuse an output that is no folder before any work is done."""
-    if folder.exists() and not folder.is_dir():
-        raise ValueError(f"{folder}: the output must be a folder, but this is a file; choose another name")
-
-
-def check_output_file(path: Path) -> None:
-    """Refuse an output that is no file before any work is done."""
-    if path.is_dir():
-        raise ValueError(f"{path}: the output must be a file, but this is a folder; choose another name")
+def _corners(box: tuple[float, ...]) -> np.ndarray:
+    """Lower and upper corner (m)."""
+    for value in box:
+        check_number("--box", value, -_FARTHEST, _FARTHEST, "lower x, y, z and upper x, y, z in metres")
+    corners = np.array(box, np.float64).reshape(2, 3)
+    if not (corners[0] < corners[1]).all():
+        told = " ".join(f"{value:g}" for value in box)
+        raise ValueError(f"--box {told}: give the lower x, y, z and then the upper ones, which must be larger")
+    return corners

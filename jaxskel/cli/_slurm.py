@@ -27,6 +27,7 @@ class Task:
     method: Method
     jobs: int
     request: str
+    timeout: float
     kept: bool
     """Whether compiled code is kept for the next run, there where the node keeps it."""
 
@@ -44,7 +45,7 @@ class Task:
                 count += 1
                 print(event.told(count, len(self.sources)), flush=True)
 
-        found = run_batch(self.sources, self.output, self.method, self.jobs, self.request, tell)
+        found = run_batch(self.sources, self.output, self.method, self.jobs, self.request, tell, timeout=self.timeout)
         return {name: str(manifest.outcome) for name, manifest in (found.before | found.now).items()}
 
     def checkpoint(self) -> Any:
@@ -69,6 +70,7 @@ def submit(
     method: Method,
     jobs: int,
     request: str,
+    timeout: float,
     tasks: int,
     minutes: int,
     options: Sequence[str],
@@ -90,11 +92,11 @@ def submit(
         raise ValueError(f"--slurm-option {' '.join(options)}: give KEY=VALUE, such as partition=long")
     count = min(tasks, len(left))
     # The node may begin in another folder.
-    left = [replace(source, path=source.path.absolute()) for source in left]
+    left = [_absolute(source) for source in left]
     method = replace(method, subject=None if method.subject is None else method.subject.absolute())
     kept = forget_compiled()
     given = [
-        Task(Shard(number + 1, count).part(left), output.absolute(), method, jobs, request, kept)
+        Task(Shard(number + 1, count).part(left), output.absolute(), method, jobs, request, timeout, kept)
         for number in range(count)
     ]
     try:
@@ -112,3 +114,8 @@ def submit(
         f"{output}: {len(left)} of {len(sources)} recordings in {count} tasks of Slurm job {job}; "
         f"{output / FOLDER} has what they say, jaxskel summary {output} what became of them"
     )
+
+
+def _absolute(source: Source) -> Source:
+    listed_in = None if source.listed_in is None else source.listed_in.absolute()
+    return replace(source, path=source.path.absolute(), listed_in=listed_in)

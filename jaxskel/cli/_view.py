@@ -8,8 +8,10 @@ import typer
 from .._recording import Recording
 from .._settings import Settings
 from ..io import read_poses, read_recording
+from ._outputs import check_output_file, files_of
 from ._progress import progress_bar
 from ._run import Box, MaxMisses, Preset, PresetOption, Recorded, Spacing, make_settings
+from ._say import say
 
 
 def view(
@@ -40,9 +42,12 @@ def view(
             "there is no display to open a window on; give --save FILE.rrd, and open that file with `rerun FILE.rrd` "
             "where there is one"
         )
+    settings = make_settings(preset, spacing, max_misses, box)
+    inputs = [*files_of(source), *([] if poses is None else [poses])]
+    if save is not None:
+        check_output_file(save, inputs)
     recording, found = read_recording(source), None if poses is None else read_poses(poses)
     chosen = _slice(frames, recording)
-    settings = make_settings(preset, spacing, max_misses, box)
     progress, task = progress_bar("compiling, carving", len(recording))
 
     def on_frame(done: int, total: int) -> None:
@@ -55,9 +60,9 @@ def view(
             count = save_view(save, recording, found, settings, chosen, on_frame)
     what = f"{count} frames, {len(recording.cameras)} views, {'no poses' if found is None else 'with poses'}"
     if save is None:
-        print(f"{source}: {what}, shown in the window of rerun")
+        say(f"{source}: {what}, shown in the window of rerun")
     else:
-        print(f"{save}: {what}, {save.stat().st_size / 1e6:.1f} MB; `rerun {save}` shows it")
+        say(f"{save}: {what}, {save.stat().st_size / 1e6:.1f} MB; `rerun {save}` shows it")
 
 
 def _slice(frames: str, recording: Recording) -> slice:

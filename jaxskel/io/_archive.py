@@ -8,17 +8,20 @@ import io
 import math
 import reprlib
 import zipfile
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import IO
 
 import numpy as np
 
+from ._bounded import open_regular
+from ._fault import fault as fault
+
 # Joints and tips of ten hours at 30 frames a second, and not what a small file unpacks to.
 _MAX_BYTES = 2**28
 # The text before an array's numbers; NumPy writes some 100 bytes and refuses more than 10 000.
 _HEADER = 20_000
-_MESSAGE = 1000  # characters
 # Deflate cannot shrink data further than this; a member that claims more lies about its size.
 _MAX_DEFLATE_RATIO = 1032
 # No length (m), focal length (px) or lens coefficient comes near this; refusing it keeps later squares
@@ -31,9 +34,13 @@ def texts(path: Path, arrays: dict[str, np.ndarray], key: str) -> list[str]:
     array = arrays[key]
     try:
         if array.dtype.kind == "U" and array.ndim <= 1:
-            return [str(text) for text in array.reshape(-1)]
-    except ValueError:  # not a Unicode code point
-        pass
+            found = [str(text) for text in array.reshape(-1)]
+            "".join(found).encode()  # halves of characters cannot be written to any file
+            return found
+    except (ValueError, SystemError):  # not a Unicode code point: NumPy raises either, by the number
+        raise fault(
+            path, key, "holds what is no text (numbers beyond Unicode, or halves of characters); write the text again"
+        ) from None
     raise fault(path, key, f"{array.dtype} of shape {array.shape}; give text")
 
 
@@ -70,17 +77,6 @@ def switches(path: Path, arrays: dict[str, np.ndarray], key: str, count: int) ->
     if array.dtype.kind not in "biu" or array.shape != (count,) or not np.isin(array, (0, 1)).all():
         raise fault(path, key, f"holds {array.dtype} of shape {array.shape}; give ({count},) values, true or false")
     return array.astype(bool)
-
-
-def fault(path: Path, key: str | None, message: str) -> ValueError:
-    """The one line for a fault of a file, whatever line breaks its names and texts hold."""
-    place = f"{path}: " if key is None else f"{path}: key {_cut(key)!r}: "
-    return ValueError(" ".join((place + _cut(message)).split()))
-
-
-def _cut(text: str) -> str:
-    """A text whose middle is left out where it is too long to be read: names in files have any length."""
-    return text if len(text) <= _MESSAGE else f"{text[: _MESSAGE // 2]} ... {text[-_MESSAGE // 2 :]}"
 
 
 def short(array: np.ndarray) -> str:
@@ -173,17 +169,21 @@ def _damaged(path: Path, key: str, error: Exception) -> ValueError:
     return fault(path, key, f"is damaged ({type(error).__name__}: {error}); write it again")
 
 
-def _opened(path: Path) -> zipfile.ZipFile:
-    try:
-        return zipfile.ZipFile(path)
-    except OSError as error:
-        raise fault(path, None, f"cannot be opened ({error.strerror or error}); check the path") from None
-    except Exception:  # zipfile raises a dozen kinds on hostile bytes
-        raise fault(
-            path,
-            None,
-            "is not a whole .npz archive but truncated or another format; write numpy.savez_compressed",
-        ) from None
+@contextmanager
+def _opened(path: Path) -> Iterator[zipfile.ZipFile]:
+    with open_regular(path) as file:
+        try:
+            archive = zipfile.ZipFile(file)
+        except OSError as error:
+            raise fault(path, None, f"cannot be opened ({error.strerror or error}); check the path") from None
+        except Exception:  # zipfile raises a dozen kinds on hostile bytes
+            raise fault(
+                path,
+                None,
+                "is not a whole .npz archive but truncated or another format; write numpy.savez_compressed",
+            ) from None
+        with archive:
+            yield archive
 
 
 def _members(

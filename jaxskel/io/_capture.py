@@ -1,6 +1,5 @@
 """Videos that may come from anywhere: what they claim is looked at before their frames are decoded."""
 
-import os
 import re
 import struct
 from pathlib import Path
@@ -10,7 +9,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from ._archive import fault
-from ._bounded import check_pixels
+from ._bounded import check_pixels, check_regular, open_regular
 
 # Boxes of an MP4 or MOV that say how many samples there are without a byte for each.
 _COUNTS = re.compile(rb"stsz.{8}(.{4})|trun.{4}(.{4})", re.DOTALL)
@@ -26,8 +25,7 @@ def opened(path: Path) -> cv2.VideoCapture:
     Raises:
         ValueError: One line, where the file is no video, or claims what would fill the memory.
     """
-    if not os.path.isfile(path):  # of any text, while Path.is_file raises where it is too long
-        raise fault(path, None, "cannot be opened (no such file); check the path")
+    check_regular(path)
     try:
         _check_counts(path)
         capture = cv2.VideoCapture(str(path))
@@ -64,7 +62,7 @@ def retrieve(capture: cv2.VideoCapture) -> UInt8[np.ndarray, "h w 3"] | None:
 def _check_counts(path: Path) -> None:
     """Refuse an MP4 or MOV with more samples than bytes: FFmpeg takes memory for what is claimed."""
     length, place = path.stat().st_size, 0
-    with open(path, "rb") as file:
+    with open_regular(path) as file:
         while place + 8 <= length:
             file.seek(place)
             size, kind = struct.unpack(">I4s", file.read(8))

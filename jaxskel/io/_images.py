@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Shaped
 
 from ._archive import fault
-from ._bounded import check_pixels, read_bounded
+from ._bounded import check_pixels, open_regular, read_bounded
 
 # Of the most pixels, uncompressed, in three colours of 8 bits.
 _MOST_BYTES = 2**28
@@ -47,11 +47,11 @@ def read_image(path: Path, flags: int = cv2.IMREAD_UNCHANGED) -> Shaped[np.ndarr
 def is_picture(path: Path) -> bool:
     """Whether a file begins as the images do that are read here."""
     try:
-        with open(path, "rb") as file:
+        with open_regular(path) as file:
             start = file.read(8)
-    except OSError:
+    except (ValueError, OSError):
         return False
-    return start.startswith(_STARTS)
+    return (start or b"").startswith(_STARTS)
 
 
 class _NotAnImage(Exception):

@@ -10,7 +10,7 @@ from typing import Any
 from ._archive import fault
 from ._bounded import read_bounded
 
-_MAX_BYTES = 100_000
+MOST_BYTES = 100_000
 # The reader of TOML takes time by the square of the parts of a key, a.b.c: minutes, for a file that is nothing else.
 # Nobody's lines are longer, or hold more keys and numbers with a dot.
 _LONGEST_LINE, _MOST_DOTS = 4000, 100
@@ -25,7 +25,7 @@ def read_toml(path: Path, known: Iterable[str], wanted: str, example: str) -> di
         wanted: What the file is, for messages.
         example: A line that such a file may hold, for messages.
     """
-    content = read_bounded(path, _MAX_BYTES, f"a TOML file with {wanted}")
+    content = read_bounded(path, MOST_BYTES, f"a TOML file with {wanted}")
     try:
         text = content.decode()
     except UnicodeDecodeError as error:

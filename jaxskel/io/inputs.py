@@ -1,12 +1,15 @@
 """Which files a recording is read from."""
 
-import tomllib
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from ._archive import keys_of
+from ._bounded import read_bounded
+from ._toml import MOST_BYTES, parse_toml
 from ._view_table import place_of
+from .calibrations import beside
 from .folders import RECORDING_FILE, SUBJECT_FILE
 
 _VIEW_KEYS = ("masks", "images", "plate")
@@ -27,14 +30,26 @@ def input_paths(recording: Path) -> dict[str, Path]:
     recording.
     """
     if not recording.is_dir():
-        return {recording.name: recording} if recording.is_file() else {}
+        return {recording.name: recording} if recording.exists() else {}
+    table = _table(recording / RECORDING_FILE)
+    calibration = table.get("calibration")
+    names = [RECORDING_FILE, calibration, table.get("subject", SUBJECT_FILE), *_of_views(table)]
+    if isinstance(calibration, str):
+        names += beside(calibration)
+    paths = {name: place_of(recording, name) for name in names if isinstance(name, str) and _is_path(name)}
+    return {name: path for name, path in paths.items() if os.path.exists(path)}
+
+
+def _table(path: Path) -> dict[str, Any]:
     try:
-        table = tomllib.loads((recording / RECORDING_FILE).read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
-        table = {}
-    names = (RECORDING_FILE, table.get("calibration"), table.get("subject", SUBJECT_FILE), *_of_views(table))
-    paths = {name: place_of(recording, name) for name in names if isinstance(name, str) and "\0" not in name}
-    return {name: path for name, path in paths.items() if path.exists()}
+        return parse_toml(path, read_bounded(path, MOST_BYTES, "a recording").decode(), "")
+    except ValueError:
+        return {}
+
+
+def _is_path(name: str) -> bool:
+    # As for who reads it, an empty name is none; it would be the folder itself.
+    return bool(name) and "\0" not in name
 
 
 def _of_views(table: dict[str, Any]) -> Iterator[Any]:

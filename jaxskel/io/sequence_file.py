@@ -62,8 +62,14 @@ def read_sequence_file(path: Path, in_memory: int = IN_MEMORY) -> Recording:
     )
 
 
-def write_recording(path: str | Path, recording: Recording) -> None:
-    """Write a sequence file for [`read_recording`][]; a broken-off write leaves no file behind."""
+def write_recording(path: str | Path, recording: Recording, made_by: str | None = None) -> None:
+    """Write a sequence file for [`read_recording`][]; a broken-off write leaves no file behind.
+
+    Args:
+        path: File to write, `.npz`.
+        recording: What to write.
+        made_by: A note for people, and for a program that is to know its own files again.
+    """
     cameras, skeleton, truth = recording.cameras, recording.skeleton, recording.truth
     arrays: dict[str, Any] = {
         "silhouettes": recording.silhouettes, "K": cameras.K, "R": cameras.R, "t": cameras.t,
@@ -78,6 +84,8 @@ def write_recording(path: str | Path, recording: Recording) -> None:
         arrays |= {"rest_joints": skeleton.rest_joints, "rest_tips": skeleton.rest_tips}
     if truth is not None:
         arrays |= {"joints": truth.joints} | ({} if truth.tips is None else {"tips": truth.tips})
+    if made_by is not None:
+        arrays["made_by"] = made_by
     with written_whole(Path(path)) as file:
         np.savez_compressed(file, **arrays)
 

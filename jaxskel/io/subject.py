@@ -27,6 +27,7 @@ from .._skeleton import (
     make_skeleton,
 )
 from ._archive import fault
+from ._ours import TOML_LINE
 from ._toml import check_known, read_toml
 from .flesh import body_of, flesh_lines
 
@@ -103,7 +104,7 @@ def write_subject(path: str | Path, skeleton: Skeleton, body: Body | None = None
         body: The subject's flesh, if it has been calibrated, to be kept too.
     """
     lengths = {point: f"{length:.6f}" for point, length in _lengths(skeleton).items()}
-    lines = [f"stature = {skeleton.stature:.6f}", "", "[lengths]"]
+    lines = [TOML_LINE, f"stature = {skeleton.stature:.6f}", "", "[lengths]"]
     lines += [f"{key} = {lengths[point]}" for key, point in _MIDDLE.items()]
     for key, point in _SIDED.items():
         left, right = lengths[f"l_{point}"], lengths[f"r_{point}"]

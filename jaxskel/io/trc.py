@@ -10,7 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from .._files import written_whole
+from .._plain import plain
 from .._poses import Poses
+from ._bounded import read_bounded
 from .markers import Markers, to_markers, with_up
 
 _KEYS = (
@@ -51,7 +53,7 @@ def write_trc(path: str | Path, poses: Poses, *, up: str = "+Y", millimetres: bo
               str(markers.frame_index[0]), frames)  # fmt: skip
     lines = [
         # A name with a line break or a tab would be taken for more of the header.
-        f"PathFileType\t4\t(X/Y/Z)\t{' '.join(path.name.split())}",
+        f"PathFileType\t4\t(X/Y/Z)\t{plain(' '.join(path.name.split()))}",
         "\t".join(_KEYS),
         "\t".join(values),
         "Frame#\tTime\t" + "".join(f"{name}\t\t\t" for name in markers.names),
@@ -83,11 +85,8 @@ def read_trc(path: str | Path, *, up: str = "+Y") -> Markers:
         ValueError: One line that names the file and the line.
     """
     path = Path(path)
-    if not path.is_file():
-        raise ValueError(f"{path}: no such file")
-    if path.stat().st_size > _MOST_BYTES:
-        raise ValueError(f"{path}: {path.stat().st_size} bytes are more than a recording has")
-    return parse_trc(path.read_bytes().decode("latin-1"), up=up, name=str(path))
+    text = read_bounded(path, _MOST_BYTES, "a recording").decode("latin-1")
+    return parse_trc(text, up=up, name=str(path))
 
 
 def parse_trc(text: str, *, up: str = "+Y", name: str = "TRC") -> Markers:

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int16
 
+from .._plain import plain
 from .._poses import STATUS_NAMES, WITH_POSE, Poses
 from .._recording import Recording, Truth, rotation_to_z_up
 from .._skeleton import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES, TIP_PARENTS
@@ -37,7 +38,7 @@ def page_numbers(recording: Recording, poses: Poses, truth: Truth | None, overla
     first = np.cumsum(overlays.lengths) - overlays.lengths
     steps = np.delete(np.diff(overlays.points, axis=0, prepend=np.int16(0)), first, axis=0)
     return {
-        "name": recording.name, "frames": len(poses), "fps": poses.fps, "up": poses.up,
+        "name": plain(recording.name), "frames": len(poses), "fps": poses.fps, "up": poses.up,
         "frame_index": packed(poses.frame_index, "<f8"),
         "joints": JOINT_NAMES, "tips": TIP_NAMES, "parents": (*JOINT_PARENTS, *TIP_PARENTS),
         "statuses": STATUS_NAMES, "with_pose": [int(status) for status in WITH_POSE],
@@ -48,7 +49,7 @@ def page_numbers(recording: Recording, poses: Poses, truth: Truth | None, overla
         "side_confidence": packed(np.round(255 * poses.side_confidence), "u1"),
         "status": packed(poses.status, "u1"),
         "views": [
-            {"name": name, "size": size.tolist(), "scale": UNITS * display_scale(size)}
+            {"name": plain(name), "size": size.tolist(), "scale": UNITS * display_scale(size)}
             for name, size in zip(cameras.names, cameras.size, strict=True)
         ],
         "long_side": LONG_SIDE,

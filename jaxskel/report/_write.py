@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from .._files import written_whole
+from .._plain import plain
 from .._poses import Poses
 from .._recording import Recording, Truth
 from .._rows import recording_rows
@@ -86,7 +87,7 @@ def make_page(numbers: dict[str, Any], recording: Recording, poses: Poses, score
     # In JSON, "<" stands in texts only; escaped, no name can end the script that holds it.
     data = json.dumps(numbers, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     return Template(parts.joinpath("page.html").read_text("utf-8")).substitute(
-        title=escape(recording.name), script=script, style=style, data=data,
+        title=escape(plain(recording.name)), script=script, style=style, data=data,
         script_hash=_hash(script), style_hash=_hash(style),
         facts=facts(recording, poses), bones=bone_lengths(poses, recording.skeleton), score=score_tables(scored),
     )  # fmt: skip

@@ -8,6 +8,8 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
+from ..io._bounded import read_bounded
+
 # Guards against files that name more than they hold. The longest clips of the common databases have some 30
 # joints and 23 000 frames.
 _MOST_BYTES = 500_000_000
@@ -38,11 +40,7 @@ class Motion(eqx.Module):
 
 def read_text(path: Path) -> str:
     """The text of a motion file. Latin-1, because old files hold names in it and it never fails."""
-    if not path.is_file():
-        raise ValueError(f"{path}: no such file")
-    if path.stat().st_size > _MOST_BYTES:
-        raise ValueError(f"{path}: {path.stat().st_size} bytes are more than the {_MOST_BYTES} that a clip may have")
-    return path.read_bytes().decode("latin-1")
+    return read_bounded(path, _MOST_BYTES, "a clip").decode("latin-1")
 
 
 def to_number(word: str, where: str) -> float:

@@ -6,6 +6,8 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
+from .._files import check_replaceable
+from .._plain import plain
 from .._poses import Poses
 from .._recording import Recording
 from .._settings import Settings
@@ -34,13 +36,14 @@ def save_view(
     """
     path = Path(path)
     shown_frames(recording, poses, frames)  # before anything is written
+    check_replaceable(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     # The viewer's package opens its file by name, and it grows frame by frame; it appears once it is whole.
-    with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as folder:
+    with tempfile.TemporaryDirectory(prefix=f".{path.name[:40]}.", dir=path.parent) as folder:
         unfinished = Path(folder) / "view.rrd"
         stream = rr.RecordingStream(_APPLICATION)
         stream.save(unfinished, default_blueprint=blueprint(recording, poses is not None))
-        stream.send_recording_name(recording.name)
+        stream.send_recording_name(plain(recording.name))
         try:
             count = log_recording(stream, recording, poses, settings, frames, on_frame)
         finally:
@@ -72,7 +75,7 @@ def show_view(
         raise OSError("there is no display to show the view on; save it, and open the file where there is one")
     stream = rr.RecordingStream(_APPLICATION)
     stream.spawn(default_blueprint=blueprint(recording, poses is not None))
-    stream.send_recording_name(recording.name)
+    stream.send_recording_name(plain(recording.name))
     try:
         return log_recording(stream, recording, poses, settings, frames, on_frame)
     finally:

@@ -5,6 +5,7 @@ from ._calibration import Contents as Contents
 from ._calibration import choose_views as choose_views
 from ._calibration import validated as validated
 from ._easymocap import write_easymocap_calibration as write_easymocap_calibration
+from ._read import beside as beside
 from ._read import contents_of as contents_of
 from ._read import read_calibration as read_calibration
 from ._sequence import write_calibration as write_calibration

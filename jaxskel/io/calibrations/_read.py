@@ -89,6 +89,13 @@ def _known(path: Path, contents: Contents | None) -> Contents:
     return contents
 
 
+def beside(name: str) -> list[str]:
+    """Of a pair of files that belong together, the other one, as a path like the one that is given."""
+    folder, _, last = name.rpartition("/")
+    pair = next((pair for pair in (_easymocap.PAIR, _colmap.PAIR) if last.lower() in pair), ())
+    return [f"{folder}/{other}" if folder else other for other in pair if other != last]
+
+
 def _of_folder(path: Path) -> Contents:
     try:
         names = {file.name for file in path.iterdir()}

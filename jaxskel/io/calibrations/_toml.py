@@ -8,6 +8,7 @@ import numpy as np
 
 from ..._camera import Cameras
 from ..._files import written_whole
+from .._ours import TOML_LINE
 from .._toml import parse_toml
 from ._calibration import CameraEntry, Contents, camera_fault
 from ._text import natural_order, numbers, read_text, rotation, to_vector
@@ -82,7 +83,7 @@ def write_pose2sim_calibration(path: str | Path, cameras: Cameras) -> None:
         path: File to write; Pose2Sim looks for ``Calib*.toml``.
         cameras: The rig, in a world with Z up, as Pose2Sim takes it to be ([`Cameras.rotated`][] turns a world).
     """
-    lines = []
+    lines = [TOML_LINE]
     for i, name in enumerate(cameras.names):
         dist = np.asarray(cameras.dist[i])
         # As few as hold the lens: Pose2Sim writes four, and OpenCV takes five or eight in their place.

@@ -1,0 +1,52 @@
+"""Which names results can have, and which names their locks have."""
+
+import hashlib
+import os
+from pathlib import Path
+from urllib.parse import quote
+
+from ..io._archive import fault
+
+MANIFEST_FILE = "manifest.json"
+POSES_FILES = ("poses.npz", "poses.csv")
+RESULT_FILES = (*POSES_FILES, MANIFEST_FILE)
+FAILED_SUFFIX = ".failed.json"
+SUMMARY_FILE = "summary.csv"
+
+# Of 255 bytes that file systems allow, `.NAME.failed.json.PID.part` needs up to 29.
+_LONGEST = 226
+# A lock's name stays as it is up to this length (bytes): the library of locks adds some of its own for a moment.
+_LONGEST_LOCK = 180
+
+
+def check_name(path: Path, name: str) -> None:
+    """Refuse a name that a result cannot have, or under which it would not be found again.
+
+    Args:
+        path: The recording, for messages.
+        name: Of its result, with ``/`` between folders.
+
+    Raises:
+        ValueError: One line that names the recording and how to mend it.
+    """
+    for part in name.split("/"):
+        told = None
+        if part in ("", ".", "..") or "\0" in part:
+            told = "which is no name"
+        elif part.startswith("."):
+            told = "which is hidden, as the batch's own files are"
+        elif part.lower() in (*RESULT_FILES, SUMMARY_FILE) or part.lower().endswith(FAILED_SUFFIX):
+            told = "as a file that the batch writes itself"
+        elif len(os.fsencode(part)) > _LONGEST:
+            told = f"which is longer than {_LONGEST} bytes"
+        if told is not None:
+            raise fault(path, None, f"its result would be called {part!r}, {told}; rename it")
+
+
+def lock_name(name: str) -> str:
+    """The name of a result's lock: no two results share one, and none is too long for a file."""
+    quoted = quote(os.fsencode(name), safe=" ")
+    if len(quoted) > _LONGEST_LOCK:
+        # A quoted name never holds two % in a row.
+        quoted = f"{quoted[:40]}%%{hashlib.sha256(os.fsencode(name)).hexdigest()}"
+    return f"{quoted}.lock"

@@ -1,0 +1,71 @@
+"""Whether the results of a batch can be where they are to be, before any work is done."""
+
+import os
+import tempfile
+import unicodedata
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from ..io._archive import fault
+from ._folders import ResultFolder
+from ._overlaps import check_overlaps
+from ._sources import Source
+
+# Written for a try (bytes): a disk that has no room for it has none for a result.
+_TRIED = 1 << 16
+
+
+def check_places(sources: Sequence[Source], output: Path, subject: Path | None = None) -> None:
+    """Refuse a batch whose results would meet inputs or files of somebody else's, or cannot be written.
+
+    The folder of the results is made; nothing else stays of it.
+
+    Args:
+        sources: All recordings of the batch.
+        output: Folder of the results.
+        subject: The subject's file, if one is given for all.
+
+    Raises:
+        ValueError: One line that names what is in the way and how to mend it.
+    """
+    check_overlaps(sources, output, subject)
+    for source in sources:
+        folder = ResultFolder(output, source.name)
+        folder.check()
+        for place in folder.written:
+            if place.exists() and not os.access(place, os.W_OK | os.X_OK):
+                raise fault(place, None, "cannot be written to (no permission); choose another output")
+    if not _tells_cases_apart(output):
+        _check_cases(sources)
+
+
+def _tells_cases_apart(output: Path) -> bool:
+    """Write into a folder for a try; whether names that differ in case only are different files there."""
+    made: list[Path] = []
+    try:
+        for folder in reversed((output, *output.parents)):
+            if not folder.is_dir():
+                folder.mkdir(exist_ok=True)
+                made.append(folder)
+        with tempfile.NamedTemporaryFile(dir=output, prefix=".try") as file:
+            file.write(bytes(_TRIED))
+            file.flush()
+            os.fsync(file.fileno())
+            return not os.path.exists(os.path.join(output, os.path.basename(file.name).swapcase()))
+    except OSError as error:
+        for folder in reversed(made):
+            with suppress(OSError):
+                folder.rmdir()
+        raise fault(output, None, f"cannot be written to ({error.strerror}); choose another output") from None
+
+
+def _check_cases(sources: Sequence[Source]) -> None:
+    found: dict[str, Source] = {}
+    for source in sources:
+        same = found.setdefault(unicodedata.normalize("NFC", source.name).casefold(), source)
+        if same is not source:
+            raise fault(
+                source.path, None, f"its result, {source.name}, would have the place of {same.name}: this disk takes "
+                "capitals and small letters for the same; rename one of them",
+            )  # fmt: skip

@@ -1,0 +1,115 @@
+"""Outputs are looked at before any work: that they can be written, and that nothing of the user's stands there.
+
+A name that the user gives is written over, as by any tool, unless it is what the command reads. Under a name that the
+command chooses itself only a file that jaxskel wrote is replaced.
+"""
+
+import os
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from .._files import check_replaceable, check_writable
+from ..io._bounded import check_regular
+from ..io._ours import is_ours
+from ..io.calibrations import _colmap, _easymocap
+from ..io.folders import RECORDING_FILE
+from ..io.inputs import input_paths
+from ..io.views import is_image
+
+# Of a folder with a calibration in it.
+_CALIBRATIONS = (".yml", ".yaml", ".txt", ".json", ".xml")
+_PAIRS = (_colmap.PAIR, _easymocap.PAIR)
+
+
+def files_of(recording: Path) -> list[Path]:
+    """The files, and folders of files, that a recording is read from.
+
+    Raises:
+        ValueError: Its `recording.toml` is no regular file.
+    """
+    folder = recording.parent if recording.name == RECORDING_FILE else recording
+    if folder.is_dir():
+        if (folder / RECORDING_FILE).exists():
+            check_regular(folder / RECORDING_FILE)
+        found = list(input_paths(folder).values())
+    else:
+        found = [recording]
+    # A calibration may be two files, of which either stands for both.
+    pairs = [path.with_name(name) for path in found for pair in _PAIRS if path.name in pair for name in pair]
+    return found + pairs
+
+
+def check_output(folder: Path, names: Sequence[str] = (), inputs: Iterable[Path] = ()) -> None:
+    """Refuse a folder to write to that is none, cannot be written, or in which files are in the way.
+
+    Args:
+        folder: Where to write.
+        names: The files that the command writes there.
+        inputs: What it reads.
+
+    Raises:
+        ValueError: One line that names the file in the way, or what cannot be written.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise ValueError(f"{folder}: the output must be a folder, but this is a file; choose another name")
+    inputs = list(inputs)
+    for name in names:
+        _check_own_name(folder / name, inputs)
+    check_writable(folder / (names[0] if names else "output"))
+
+
+def check_output_file(path: Path, inputs: Iterable[Path] = (), suffixes: Sequence[str] = ()) -> None:
+    """Refuse a file that the user names where it cannot be written, or is read.
+
+    Args:
+        path: The file.
+        inputs: What the command reads.
+        suffixes: Those that it can write, if its name decides how it is written.
+
+    Raises:
+        ValueError: One line that names the file.
+    """
+    if suffixes and path.suffix.lower() not in suffixes:
+        known = " or ".join((", ".join(suffixes[:-1]), suffixes[-1])) if len(suffixes) > 1 else suffixes[0]
+        raise ValueError(f"{path}: its name decides how it is written; give one that ends in {known}")
+    check_replaceable(path)
+    _check_apart(path, inputs)
+    check_writable(path)
+
+
+def chosen_file(path: Path | None, default: str, inputs: Iterable[Path] = (), suffixes: Sequence[str] = ()) -> Path:
+    """The file that the user names, or else that of the default name; either is checked.
+
+    Raises:
+        ValueError: One line that names the file.
+    """
+    if path is not None:
+        check_output_file(path, inputs, suffixes)
+        return path
+    _check_own_name(Path(default), list(inputs))
+    check_writable(Path(default))
+    return Path(default)
+
+
+def _check_own_name(path: Path, inputs: list[Path]) -> None:
+    check_replaceable(path)
+    _check_apart(path, inputs)
+    if os.path.lexists(path) and not is_ours(path):
+        raise ValueError(f"{path}: is there already, and jaxskel did not write it; move it, or choose another output")
+
+
+def _check_apart(output: Path, inputs: Iterable[Path]) -> None:
+    for source in inputs:
+        if _is_one_of(output, source):
+            raise ValueError(f"{output}: is read by this command, so it cannot be its output; choose another name")
+
+
+def _is_one_of(output: Path, source: Path) -> bool:
+    """Whether a file is an input, or would be one in a folder of images or of a calibration's files."""
+    try:
+        if source.is_dir():
+            read = is_image(output) or output.suffix.lower() in _CALIBRATIONS
+            return read and output.parent.is_dir() and os.path.samefile(output.parent, source)
+        return output.exists() and os.path.samefile(output, source)
+    except OSError:
+        return False
