@@ -38,7 +38,10 @@ def test_init_writes_what_it_found_and_where_it_had_to_choose(folder):
 @pytest.mark.parametrize(
     ("options", "why"),
     [((), "give --fps"), (("--fps", 0), "--fps 0: give a positive"), (("--views", "*"), "there are masks/*"),
-     (("--calibration", "none.toml"), "none.toml: cannot be opened")],
+     (("--calibration", "none.toml"), "none.toml: cannot be opened"),
+     (("--fps", 25, "--turn", 45), "'--turn': is 45; give 90, 180 or 270"),
+     (("--fps", 25, "--crop", "3"), "'--crop': is 3.0; give [x, y]"),
+     (("--fps", 25, "--scale", "half"), "'--scale': is 'half'; give a positive number")],
 )  # fmt: skip
 def test_init_refuses_what_it_cannot_know(folder, options, why):
     done = jaxskel("init", folder, *options, cwd=folder)
@@ -46,6 +49,13 @@ def test_init_refuses_what_it_cannot_know(folder, options, why):
     assert why in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert not (folder / "recording.toml").exists()
+
+
+def test_init_takes_a_word_on_what_was_done_to_the_images(folder):
+    done = jaxskel("init", folder, "--fps", 25, "--crop", "-60,0", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert "silhouettes do not agree" in done.stdout
+    assert (folder / "recording.toml").read_text().count("crop = [-60, 0]  # CHECK: as stated") == 8
 
 
 def test_init_leaves_alone_what_somebody_wrote_unless_told(folder):

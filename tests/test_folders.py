@@ -6,8 +6,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from drawn import chain, film
 
-from jaxskel import Recording, default_adult, make_cameras, unpack_silhouettes
+from jaxskel import Recording, default_adult, make_cameras, project, unpack_silhouettes
+from jaxskel._image_change import ImageChange
 from jaxskel.io import read_recording, write_calibration, write_pose2sim_calibration, write_subject
 from jaxskel.synthetic import camera_ring
 
@@ -16,14 +18,12 @@ FRAMES = 6
 
 
 def a_recording() -> Recording:
-    """Three cameras, and in each a bar that walks."""
+    """Three cameras, and in each a leaning capsule that walks."""
     cameras = camera_ring(count=3, size=SIZE)
     cameras = make_cameras(cameras.K, cameras.R, cameras.t, cameras.size, names=["left", "front", "right"])
-    masks = np.zeros((FRAMES, 3, SIZE[1], SIZE[0]), bool)
-    for frame in range(FRAMES):
-        for camera in range(3):
-            masks[frame, camera, 5:25, frame + 4 * camera : frame + 4 * camera + 6] = True
-    return Recording(cameras, np.packbits(masks, axis=-1), 25.0, "+Z", np.arange(FRAMES))
+    places = np.linspace(-0.3, 0.3, FRAMES)
+    bodies = [chain([place, 0.1, 0.5], [place + 0.4, -place, 1.4], 0.25) for place in places]
+    return Recording(cameras, film(cameras, bodies), 25.0, "+Z", np.arange(FRAMES))
 
 
 def masks_of(recording: Recording, camera: int) -> np.ndarray:
@@ -128,6 +128,74 @@ def test_a_calibration_for_another_size_is_used_where_the_file_says_so(tmp_path)
         text = text.replace(f"[views.{name}]", f"[views.{name}]\ncalibrated_size = [48, 38]")
     (tmp_path / "recording.toml").write_text(text)
     np.testing.assert_array_equal(read_recording(tmp_path).cameras.size, wanted.size)
+
+
+@pytest.mark.parametrize(
+    ("keys", "size", "change"),
+    [
+        ("turn = 90\ncalibrated_size = [30, 40]", (30, 40), ImageChange(turn=90)),
+        ("turn = 90", (30, 40), ImageChange(turn=90)),
+        ("turn = 180", (40, 30), ImageChange(turn=180)),
+        ("scale = 0.5", (80, 60), ImageChange(scale=(0.5, 0.5))),
+        ("scale = [0.5, 1]", (80, 30), ImageChange(scale=(0.5, 1.0))),
+        ("scale = 0.333", (120, 91), ImageChange(scale=(0.333, 0.333))),  # sizes are rounded
+        ("crop = [3, -2.5]", (48, 38), ImageChange(crop=(3.0, -2.5))),
+        ("turn = 270\ncrop = [3, 4]\nscale = 2", (30, 40), ImageChange(270, (3.0, 4.0), (2.0, 2.0))),
+    ],
+)
+def test_cameras_follow_what_was_done_to_the_images(tmp_path, keys, size, change):
+    write_folder(tmp_path, **dict.fromkeys(a_recording().cameras.names, keys))
+    wanted = a_recording().cameras
+    before = make_cameras(wanted.K, wanted.R, wanted.t, size, names=wanted.names)
+    write_pose2sim_calibration(tmp_path / "calibration.toml", before)
+    points = np.random.default_rng(0).uniform(-0.5, 0.5, (20, 3)) + [0, 0, 1]
+    found, given = (project(cameras, points)[:2] for cameras in (read_recording(tmp_path).cameras, before))
+    for camera in range(3):
+        moved = change.matrix((float(size[0]), float(size[1]))) @ [given[0][camera], given[1][camera], np.ones(20)]
+        np.testing.assert_allclose([found[0][camera], found[1][camera]], moved[:2], atol=1e-6)
+    np.testing.assert_array_equal(read_recording(tmp_path).cameras.size, [SIZE] * 3)
+
+
+@pytest.mark.parametrize(
+    ("keys", "told"),
+    [
+        ("turn = 45", "views.left.turn': is 45; give 90, 180 or 270"),
+        ("turn = true", "views.left.turn': is True"),
+        ("crop = 3", "views.left.crop': is 3; give [x, y]"),
+        ("crop = [nan, 0]", "views.left.crop': is [nan, 0]"),
+        ("crop = [1, 2, 3]", "views.left.crop': is [1, 2, 3]"),
+        ("scale = 0", "views.left.scale': is 0; give a positive number of pixels for each calibrated one"),
+        ("scale = [1, inf]", "views.left.scale': is inf"),
+        ("scale = 0.5", "for 40 x 30, which turn and scale make 20 x 15"),
+        ("turn = 90", "for 40 x 30, which turn and scale make 30 x 40"),
+        ("crop = [40, 0]", "views.left.crop': the image of 40 x 30 px would show nothing"),
+        ("crop = [0, -30]", "would show nothing of the calibrated one of 40 x 30"),
+        ("calibrated_size = [80, 60]", "views.left.calibrated_size': is [80, 60], but calibration.toml is for 40 x 30"),
+    ],
+)
+def test_wrong_changes_are_named_in_one_line(tmp_path, keys, told):
+    write_folder(tmp_path, left=keys)
+    with pytest.raises(ValueError, match=re.escape(told)) as error:
+        read_recording(tmp_path)
+    assert "\n" not in str(error.value)
+
+
+def test_where_a_calibration_has_no_sizes_a_crop_of_turned_images_needs_one(tmp_path):
+    write_folder(tmp_path, **dict.fromkeys(a_recording().cameras.names, "turn = 90"))
+    cameras = a_recording().cameras
+    matrices = np.asarray(cameras.K) @ np.concatenate([cameras.R, np.asarray(cameras.t)[..., None]], -1)
+    np.savez(tmp_path / "rig.npz", **dict(zip(cameras.names, matrices, strict=True)))
+    path = tmp_path / "recording.toml"
+    path.write_text(path.read_text().replace("calibration.toml", "rig.npz").replace("fps = 25", 'fps = 25\nup = "+Z"'))
+    # Images of 40 x 30 px that were turned by 90 degrees were 30 x 40 px before.
+    np.testing.assert_allclose(
+        read_recording(tmp_path).cameras.K[:, 0, 2], 39 - np.asarray(cameras.K)[:, 1, 2], atol=1e-6
+    )
+    path.write_text(path.read_text().replace("turn = 90", "turn = 90\ncrop = [1, 1]"))
+    with pytest.raises(ValueError, match=r"crop': comes with turn, but rig.npz says no size; state calibrated_size"):
+        read_recording(tmp_path)
+    path.write_text(path.read_text().replace("turn = 90", "turn = 90\ncalibrated_size = [30, 40]"))
+    assert len(read_recording(tmp_path)) == FRAMES
 
 
 @pytest.mark.parametrize(

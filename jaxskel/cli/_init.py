@@ -6,6 +6,8 @@ from typing import Annotated
 import typer
 
 from .._files import check_writable, written_whole
+from .._image_change import ImageChange
+from ..io._changed_images import read_change
 from ..io.folders import RECORDING_FILE
 from ..io.proposals import propose_recording
 from ._say import say
@@ -19,6 +21,15 @@ def init(
     ] = None,
     calibration: Annotated[str | None, typer.Option(help="The calibration's file, where there are several.")] = None,
     fps: Annotated[float | None, typer.Option(help="Frames per second, where no video says it.")] = None,
+    turn: Annotated[
+        int | None, typer.Option(help="Images of other sizes than calibrated: degrees clockwise, 90, 180 or 270.")
+    ] = None,
+    crop: Annotated[
+        str | None, typer.Option(help="The same: where their first pixel lies in the calibrated image (px), as 0,27.")
+    ] = None,
+    scale: Annotated[
+        str | None, typer.Option(help="The same: their pixels for each calibrated one, as 0.5, or across,down.")
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Write over a recording.toml that is there.")] = False,
 ) -> None:
     """Write a commented recording.toml for what the folder holds; `run`, `check` and others then take the folder."""
@@ -30,9 +41,27 @@ def init(
     if fps is not None and not 0 < fps < 1e6:
         raise ValueError(f"--fps {fps:g}: give a positive number of frames per second")
     check_writable(path)
-    proposal = propose_recording(folder, views, calibration, fps)
+    proposal = propose_recording(folder, views, calibration, fps, _change(turn, crop, scale))
     with written_whole(path) as file:
         file.write(proposal.text.encode())
     for doubt in proposal.doubts:
         say(f"check: {doubt}")
     say(f"{path}: {proposal.text.count('[views.')} views; next: jaxskel check {folder}")
+
+
+def _change(turn: int | None, crop: str | None, scale: str | None) -> ImageChange | None:
+    """What was done to images, as the keys of a recording.toml have it."""
+    given = {"turn": turn, "crop": _numbers(crop), "scale": _numbers(scale)}
+    table = {key: value for key, value in given.items() if value is not None}
+    return read_change(Path("jaxskel init"), "--", table) if table else None
+
+
+def _numbers(text: str | None) -> str | float | list[float] | None:
+    """Numbers between commas; what are none as they stand, for the message."""
+    if text is None:
+        return None
+    try:
+        found = [float(part) for part in text.split(",")]
+    except ValueError:
+        return text
+    return found if len(found) > 1 else found[0]

@@ -1,6 +1,7 @@
 """TOML that a person wrote by hand: every fault is a line that names file and key and how to mend it."""
 
 import difflib
+import json
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
@@ -52,3 +53,8 @@ def check_known(path: Path, key: str, known: Iterable[str], where: str = "") -> 
     if key not in known:
         nearest = difflib.get_close_matches(key, known, n=1, cutoff=0.0)[0]
         raise fault(path, f"{where}{key}", f"is not known; did you mean {nearest}?")
+
+
+def quoted(text: str) -> str:
+    """A text as TOML writes it, whatever is in it."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

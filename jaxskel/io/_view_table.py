@@ -30,7 +30,10 @@ from .views import (
     rule_of,
 )
 
-KEYS = ("masks", "person", "images", "plate", "median", "backdrop", "camera", "calibrated_size", "offset", "fps")
+KEYS = (
+    "masks", "person", "images", "plate", "median", "backdrop", "camera", "turn", "crop", "scale", "calibrated_size",
+    "offset", "fps",
+)  # fmt: skip
 _BACKGROUNDS = ("plate", "median", "backdrop")
 # Of a recording's own images, so many make its background: a median of more is no better.
 _SAMPLES = 50

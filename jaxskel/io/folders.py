@@ -9,7 +9,10 @@ subject = "subject.toml"
 
 [views.cam01]
 camera = "cam_01"                # its name in the calibration, if it is another one
-calibrated_size = [1088, 1920]   # size of its images (px) there, if it is another one
+turn = 90                        # if the images were turned after the calibration: degrees clockwise
+crop = [0, 27]                   # if they were cut: where their first pixel lies in the calibrated image (px)
+scale = 0.5                      # if they were scaled: image px for each calibrated px, or [across, down]
+calibrated_size = [1088, 1920]   # size of the calibrated images (px), if these were cut at right or bottom only
 masks = "masks/cam01"            # folder of images, video, or an archive of arrays, "masks.npz:cam01"
 # images = "cam01.mp4"           # or, in colour, folder of images or video, with one of these backgrounds:
 # plate = "empty01.mp4"          #   the empty scene: image, folder or video
@@ -24,6 +27,12 @@ smooth = true                    # single pixels go
 largest = true                   # the largest connected part is the person
 fill = true                      # slits and small holes are closed
 
+Images are turned first, then cropped, then scaled: with ``(u, v)`` a point of the calibrated image once turned (px, an
+integer is the centre of a pixel), ``crop = [x, y]`` and ``scale = s``, it is at ``u' = s (u - x + 0.5) - 0.5``,
+``v' = s (v - y + 0.5) - 0.5`` in the image. Images that were padded at the left or at the top have a negative crop.
+Intrinsics and extrinsics follow, see `ImageChange`. Without any of these keys the sizes must be equal.
+``calibrated_size`` alone says that no pixel moved.
+
 Every fault is a `ValueError` of one line that names file and key and how to mend it.
 """
 
@@ -36,9 +45,11 @@ from typing import Any
 import numpy as np
 
 from .._camera import Cameras
+from .._image_change import with_images_changed
 from .._recording import UP_AXES, Recording
 from ..backgrounds import Cleaning
 from ._archive import fault
+from ._changed_images import calibrated_size, missing_sizes, read_change
 from ._toml import check_known, read_toml
 from ._view_table import number, rate, read_view, text
 from .calibrations import contents_of, validated
@@ -68,11 +79,28 @@ def read_folder(folder: Path, in_memory: int) -> Recording:
     if not path.exists():
         raise fault(folder, None, f"holds no {RECORDING_FILE}; `jaxskel init {folder}` writes one")
     table = read_toml(path, KEYS, "fps, calibration and views", 'calibration = "calibration.toml"')
+    return described_recording(path, table, described_views(path, table), in_memory)
+
+
+def described_views(path: Path, table: dict[str, Any]) -> list[View]:
+    """The views that a `recording.toml` names; `path` is the file, which need not be there yet.
+
+    Raises:
+        ValueError: As `read_folder` does.
+    """
     fps = rate(path, "fps", table.get("fps"), "frames per second")
     cleaning, shadows = _cleaning(path, table)
-    views = [read_view(path, name, view, fps, cleaning, shadows) for name, view in _views(path, table).items()]
+    return [read_view(path, name, view, fps, cleaning, shadows) for name, view in _views(path, table).items()]
+
+
+def described_recording(path: Path, table: dict[str, Any], views: list[View], in_memory: int) -> Recording:
+    """The recording of these views, with all else that its `recording.toml` says.
+
+    Raises:
+        ValueError: As `read_folder` does.
+    """
     cameras, up = _calibrated(path, table, views)
-    first, last = _span(path, table, views)
+    first, last = described_span(path, table, views)
     if last - first >= _MOST_FRAMES:
         raise fault(
             path, "frames", f"{first} to {last} are more than {_MOST_FRAMES} frames; check the numbers in the images' "
@@ -85,15 +113,15 @@ def read_folder(folder: Path, in_memory: int) -> Recording:
         raise fault(
             path, "frames", f"their silhouettes do not fit on the disk ({error.strerror}); state fewer"
         ) from None
-    subject = table.get("subject", SUBJECT_FILE if (folder / SUBJECT_FILE).is_file() else None)
+    subject = table.get("subject", SUBJECT_FILE if (path.parent / SUBJECT_FILE).is_file() else None)
     return Recording(
         cameras=cameras,
         silhouettes=silhouettes,
-        fps=fps,
+        fps=rate(path, "fps", table.get("fps"), "frames per second"),
         up=up,
         frame_index=numbers,
         skeleton=None if subject is None else read_subject(_beside(path, "subject", subject)),
-        name=folder.resolve().name,
+        name=path.parent.resolve().name,
     )
 
 
@@ -115,36 +143,31 @@ def _calibrated(path: Path, table: dict[str, Any], views: list[View]) -> tuple[C
     if len(set(names)) < len(names):
         double = next(name for name in names if names.count(name) > 1)
         raise fault(path, "views", f"two views have the camera {double}; give each its own")
-    sizes = {}
-    for name, view in zip(names, views, strict=True):
-        size = tables[view.name].get("calibrated_size", list(view.frames.size))
-        if not (isinstance(size, list) and len(size) == 2 and all(type(n) is int and n > 0 for n in size)):
-            raise fault(path, f"views.{view.name}.calibrated_size", f"is {reprlib.repr(size)}; give [width, height]")
-        sizes[name] = (size[0], size[1])
     contents = contents_of(source)
-    for camera in contents.entries:
-        if camera.size is not None and sizes.get(camera.name, camera.size) != camera.size:
-            view = views[names.index(camera.name)].name
-            (width, height), (w, h) = sizes[camera.name], camera.size
-            raise fault(
-                path, f"views.{view}",
-                f"its images are {width} x {height} px, but {source.name} is for {w:g} x {h:g}; where they were padded "
-                f"or cut at the right or at the bottom only, state calibrated_size = [{w:g}, {h:g}]",
-            )  # fmt: skip
-    calibration = validated(source, contents, unit, sizes)
-    known = calibration.cameras.names
+    if not contents.entries:
+        validated(source, contents, unit, None)  # says what is wrong
+    entries = {entry.name: entry for entry in contents.entries}
     for name, view in zip(names, views, strict=True):
-        if name not in known:
+        if name not in entries:
             raise fault(
                 path, f"views.{view.name}.camera",
-                f"{name} is not in {source.name}, which has {', '.join(known)}; give the one that it is",
+                f"{name} is not in {source.name}, which has {', '.join(entries)}; give the one that it is",
             )  # fmt: skip
-    chosen = calibration.cameras[[known.index(name) for name in names]]
-    cameras = replace(
-        chosen,
-        size=np.array([view.frames.size for view in views]),
-        names=tuple(view.name for view in views),
+    wheres = [f"views.{view.name}." for view in views]
+    changes = [read_change(path, where, tables[view.name]) for where, view in zip(wheres, views, strict=True)]
+    sizes = [
+        calibrated_size(path, where, tables[view.name], view.frames.size, entries[name].size, source.name)
+        for where, view, name in zip(wheres, views, names, strict=True)
+    ]
+    calibration = validated(source, contents, unit, missing_sizes(contents, names, sizes))
+    known = calibration.cameras.names
+    cameras = with_images_changed(
+        calibration.cameras[[known.index(name) for name in names]],
+        changes,
+        sizes,
+        np.array([view.frames.size for view in views]),
     )
+    cameras = replace(cameras, names=tuple(view.name for view in views))
     up = table.get("up", calibration.up)
     if up not in UP_AXES:
         told = f"{source.name} does not say which axis points up" if up is None else f"is {reprlib.repr(up)}"
@@ -152,7 +175,12 @@ def _calibrated(path: Path, table: dict[str, Any], views: list[View]) -> tuple[C
     return cameras, up
 
 
-def _span(path: Path, table: dict[str, Any], views: list[View]) -> tuple[int, int]:
+def described_span(path: Path, table: dict[str, Any], views: list[View]) -> tuple[int, int]:
+    """The first and the last frame.
+
+    Raises:
+        ValueError: As `read_folder` does.
+    """
     spans = [view.span for view in views]
     common = max(first for first, _ in spans), min(last for _, last in spans)
     if "frames" in table:

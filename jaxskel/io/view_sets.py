@@ -10,11 +10,19 @@ from pathlib import Path
 from ._archive import keys_of, shape_of
 from .views import VIDEO_SUFFIXES, is_image
 
-# Folders in folders are looked through down to here; nobody keeps a camera's images deeper.
-_DEPTH = 3
-_MASKS = re.compile(r"mask|silh|matte|alpha|segment|binary|foreground", re.IGNORECASE)
-_BACKGROUND = re.compile(r"backg|plate|empty|clean|bg(?![a-z])", re.IGNORECASE)
-_CALIBRATION = re.compile(r"checker|chess|board|calib|charuco|intrinsic|extrinsic", re.IGNORECASE)
+# Folders in folders are looked through down to here, as in session/trial/camera/what/frames.
+_DEPTH = 5
+# Stacks of 3 x 4 and 4 x 4 are matrices, not masks.
+_LARGEST_MATRIX = 4
+_MASKS = frozenset(
+    "mask masks masked silhouette silhouettes sil silh matte mattes alpha seg segment segments segmented segmentation "
+    "segmentations binary foreground fg".split()
+)
+_BACKGROUND = frozenset("background backgrounds backg bg bgs plate plates empty clean cleanplate".split())
+_CALIBRATION = frozenset(
+    "checker checkers checkerboard checkerboards chess chessboard chessboards board boards calib calibration "
+    "calibrations calibrate charuco aruco intrinsic intrinsics intri extrinsic extrinsics extri".split()
+)
 
 
 @dataclass(frozen=True)
@@ -29,17 +37,22 @@ class ViewSet:
     @property
     def is_of_masks(self) -> bool:
         """Whether their name says that they are masks."""
-        return _MASKS.search(self.pattern) is not None
+        return not _MASKS.isdisjoint(words_of(self.pattern))
 
     @property
     def is_background(self) -> bool:
         """Whether their name says that they show the scene without the person."""
-        return _BACKGROUND.search(self.pattern) is not None
+        return not self.is_of_masks and not _BACKGROUND.isdisjoint(words_of(self.pattern))
 
     @property
     def is_accessory(self) -> bool:
         """Whether their name says that they are made to prepare the others."""
-        return self.is_background or _CALIBRATION.search(self.pattern) is not None
+        return self.is_background or not _CALIBRATION.isdisjoint(words_of(self.pattern))
+
+
+def words_of(text: str) -> list[str]:
+    """Whole words of a name, in small letters: split at signs, at numbers, and where small letters turn to large."""
+    return [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", text)]
 
 
 def find_view_sets(folder: Path) -> list[ViewSet]:
@@ -54,16 +67,27 @@ def find_view_sets(folder: Path) -> list[ViewSet]:
         for place, part in enumerate(parts):
             is_file = place == len(parts) - 1 and (folder / text).is_file()
             name, suffix = os.path.splitext(part) if is_file else (part, "")
-            sets["/".join([*parts[:place], f"*{suffix}", *parts[place + 1 :]])][name] = text
-    return [ViewSet(pattern, sources) for pattern, sources in sorted(sets.items()) if len(sources) > 1]
+            # A camera may be named twice, as in cam1/cam1_mask.mp4.
+            others = [re.sub(rf"(?<![^\W_]){re.escape(name)}(?![^\W_])", "*", other) for other in parts]
+            sets["/".join([*others[:place], f"*{suffix}", *others[place + 1 :]])][name] = text
+    found: dict[frozenset[str], ViewSet] = {}
+    for pattern, sources in sorted(sets.items()):
+        if len(sources) > 1:
+            found.setdefault(frozenset(sources.values()), ViewSet(pattern, sources))
+    return list(found.values())
 
 
 def _sources(folder: Path) -> Iterator[str]:
     """Folders of images, videos and arrays of archives, as a `recording.toml` names them."""
+    reached = set()
     for place, folders, files in os.walk(folder, followlinks=True):
         here = Path(place)
         depth = len(here.relative_to(folder).parts)
-        folders[:] = [] if depth >= _DEPTH else sorted(name for name in folders if not name.startswith("."))
+        # A link to a parent is not gone through again.
+        folders[:] = [] if depth >= _DEPTH or here.resolve() in reached else sorted(
+            name for name in folders if not name.startswith(".")
+        )  # fmt: skip
+        reached.add(here.resolve())
         text = here.relative_to(folder).as_posix()
         if depth and any(is_image(here / file) for file in files):
             yield text
@@ -83,7 +107,7 @@ def _keys_of_masks(path: Path) -> list[str]:
         shapes = {key: shape_of(path, key) for key in keys_of(path)}
     except ValueError:
         return []
-    return [key for key, shape in shapes.items() if len(shape) == 3 and min(shape) > 3]
+    return [key for key, shape in shapes.items() if len(shape) == 3 and min(shape[1:]) > _LARGEST_MATRIX]
 
 
 def _natural(text: str) -> list[tuple[int, str]]:
