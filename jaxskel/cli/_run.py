@@ -16,6 +16,7 @@ from .._track import Tracking
 from ..batch import Method
 from ..io import write_poses
 from ._progress import StageTimes, doubt, reconstruct_with_progress, summary
+from ._verdict import Anyway, check_views
 
 Recorded = Annotated[Path, typer.Argument(metavar="RECORDING", help="Folder with a recording.toml, or sequence file.")]
 Spacing = Annotated[float, typer.Option(help="Edge length of a voxel (m).")]
@@ -57,11 +58,13 @@ def run(
     track: Track = False,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Processes at once, each on a core of its own.")] = 1,
     smooth_hz: Smooth = None,
+    anyway: Anyway = False,
 ) -> None:
     """Reconstruct every frame; write poses.npz and poses.csv."""
     method = Method(make_settings(preset, spacing, max_misses, box, track), smooth_hz, subject)
     recording = method.read(source)
     check_output(output)
+    check_views(source, recording, anyway)
     settings = method.settings_for_subject()
     times = StageTimes()
     poses, prepared = reconstruct_with_progress(recording, settings, times, jobs)

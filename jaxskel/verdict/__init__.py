@@ -1,0 +1,9 @@
+"""Before any pose: do the views of a recording agree, and is what they agree on a person?
+
+In comes a recording; out comes a verdict that names what is wrong, its likely cause and the guilty view.
+"""
+
+from ._judge import Finding as Finding
+from ._judge import Severity as Severity
+from ._judge import Verdict as Verdict
+from ._judge import judge as judge

@@ -1,0 +1,126 @@
+"""What is wrong with a view that contradicts the others: the repair that makes it agree."""
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Int
+
+from .._camera import Cameras
+from .._silhouettes import Silhouettes
+from ._culprits import Culprits
+from ._frames import MOST_STEPS
+from ._repairs import DISCRETE, Masks, Similarity
+from ._scene import Scene
+from ._similarity import fit_similarity
+from ._views import reduced_silhouettes
+
+# A repair is believed where it takes away this share of what the culprit adds to the misfit. True ones take away 0.9
+# and more, on all shared recordings that were spoilt on purpose.
+_MENDED = 0.7
+# A repair with numbers in it fits better by chance: one without is preferred unless it is worse by this share.
+_SIMPLER = 0.1
+# A repair that leaves less of the silhouettes than this takes the view away instead of mending it.
+_KEPT = 0.7
+
+
+class Cause(NamedTuple):
+    """A fault that explains why views contradict each other."""
+
+    views: tuple[int, ...]
+    told: str
+    """The fault, as a predicate of the views."""
+    misfit: float
+    """What it would be if the fault were mended (half heights)."""
+
+
+class Material(NamedTuple):
+    """Where the silhouettes of a scene come from: other frames may be asked for."""
+
+    cameras: Cameras
+    silhouettes: Silhouettes
+    chosen: Int[np.ndarray, " frames"]
+    """Frames of the scene."""
+
+
+def cause_of(scene: Scene, culprits: Culprits, material: Material, steps: Sequence[int]) -> Cause | None:
+    """The fault that explains most of the contradiction, if there is one that explains enough of it.
+
+    Args:
+        scene: With the contradiction.
+        culprits: Who they may be.
+        material: For silhouettes of other frames.
+        steps: Pixels along the edge of a reduced one, by view.
+    """
+    target = culprits.before - _MENDED * culprits.excess
+    own = culprits.views if len(culprits.views) > 1 else culprits.suspects[: max(1, culprits.alike)]
+    found = [cause for view in own for cause in _of_one_view(scene, view, material)]
+    found += _exchanged(scene, culprits)
+    found = [cause for cause in found if cause.misfit <= target]
+    best = min(found, key=lambda cause: cause.misfit, default=None)
+    if len(culprits.views) > 1 or (best and best.misfit <= culprits.after + _SIMPLER * culprits.excess):
+        return best
+    allowed = np.inf if best is None else best.misfit - _SIMPLER * culprits.excess
+    for view in own:
+        similarity = fit_similarity(scene, view, culprits.after)
+        mended = scene.with_masks(view, similarity.apply(scene.masks[:, view])).misfit()
+        if mended <= min(target, allowed) and _is_kept(scene, view, similarity.apply(scene.masks[:, view])):
+            focal = float(np.asarray(scene.cameras.K)[view, 0, 0])
+            best = Cause((view,), similarity.told(int(steps[view]), focal), mended)
+            allowed = mended
+    return best
+
+
+def out_of_step(scene: Scene, view: int, material: Material) -> Cause | None:
+    """The number of frames by which a view comes too late or too early, if another one than zero fits better."""
+    length = len(material.silhouettes)
+    if length < 3 or not scene.masks[:, view].any():
+        return None
+    steps = np.arange(-MOST_STEPS, MOST_STEPS + 1)
+    wanted = np.clip(material.chosen + steps[:, None], 0, length - 1)
+    frames, which = np.unique(wanted, return_inverse=True)
+    masks = reduced_silhouettes(material.cameras, view, np.asarray(material.silhouettes[frames, view]))
+    best: tuple[float, int] = scene.misfit(), 0
+    for step, row in sorted(
+        zip(steps.tolist(), which.reshape(wanted.shape), strict=True), key=lambda each: abs(each[0])
+    ):
+        if step and _is_kept(scene, view, masks[row]):
+            best = min(best, (scene.with_masks(view, masks[row]).misfit(), step))
+    if best[1] == 0:
+        return None
+    late = "late" if best[1] > 0 else "early"
+    told = (
+        f"is out of step: its images are {abs(best[1])} frames too {late} (add {best[1]} to its offset in "
+        "recording.toml)"
+    )
+    return Cause((view,), told, best[0])
+
+
+def _of_one_view(scene: Scene, view: int, material: Material) -> Iterator[Cause]:
+    masks = scene.masks[:, view]
+    for repair in DISCRETE:
+        mended = np.zeros_like(masks)
+        width, height = scene.cameras.size[view]
+        mended[:, :height, :width] = repair.apply(masks[:, :height, :width])
+        if _is_kept(scene, view, mended, repair.keeps_size):
+            yield Cause((view,), repair.told, scene.with_masks(view, mended).misfit())
+    late = out_of_step(scene, view, material)
+    if late is not None:
+        yield late
+
+
+def _exchanged(scene: Scene, culprits: Culprits) -> Iterator[Cause]:
+    """Two views that have each other's images."""
+    for a, b in combinations(sorted(culprits.suspects), 2):
+        if (scene.cameras.size[a] == scene.cameras.size[b]).all():
+            mended = scene.with_masks(a, scene.masks[:, b]).with_masks(b, scene.masks[:, a])
+            yield Cause((a, b), "are exchanged: each has the other's images, or the other's camera", mended.misfit())
+
+
+def _is_kept(scene: Scene, view: int, masks: Masks, keeps_size: bool = True) -> bool:
+    """Whether the person is still there after a repair."""
+    before, after = (m.sum((1, 2)).astype(float) for m in (scene.masks[:, view], masks))
+    if not keeps_size:
+        return bool((after > 0)[before > 0].all())
+    return bool((after >= _KEPT * before).all())
