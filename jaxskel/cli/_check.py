@@ -45,13 +45,22 @@ def check(
     verdict = judge(recording, thorough=True)
     # No pose is needed, hence no body.
     prepared = prepare(recording, replace(settings, search=None))
+    place = f"{source}"
     if prepared.table is not None:
         _draw(recording, prepared, verdict, drawn, output)
-    elif not verdict.is_hopeless:
-        print(f"{recording.name}: no frame has a hull of a person's size: are the masks black, or several people's?")
-    for line in _lines(verdict):
-        print(line)
-    code = 2 if prepared.table is None or verdict.is_hopeless else int(bool(verdict.findings))
+        place = f"{output}: frame {drawn} of {recording.name}, silhouettes grey, hull yellow, voxel box violet"
+    for finding in verdict.findings:
+        print(f"{'wrong' if finding.severity is Severity.HOPELESS else 'doubt'}: {finding.told}")
+    if verdict.is_hopeless:
+        code, told = 2, "nothing can come of it"
+    elif prepared.table is None:
+        code, told = (
+            2,
+            "no frame has a hull of a person's size; are the masks black, or the calibration of other views?",
+        )
+    else:
+        code, told = (1, "with doubts") if verdict.findings else (0, "good")
+    print(f"{place}; verdict from {verdict.frames} frames: {told}")
     if code:
         raise typer.Exit(code)
 
@@ -87,7 +96,6 @@ def _draw(recording: Recording, prepared: Prepared, verdict: Verdict, drawn: int
     write_image(output, tile(images, labels, columns=min(5, len(images))))
     Console().print(_table(cameras.names, coverage, spill, lost, verdict))
     print(_describe(recording, grid, hulls, verdict))
-    print(f"{output}: frame {drawn} of {recording.name}, silhouettes grey, hull yellow, voxel box violet")
 
 
 def _table(
@@ -119,13 +127,3 @@ def _describe(recording: Recording, grid: VoxelGrid, hulls: VisualHulls, verdict
         f"{recording.name}: {len(recording)} frames at {recording.fps:g} fps, {len(recording.cameras)} cameras{away}, "
         f"up {recording.up}; voxel box {size} m of {1e3 * grid.spacing:g} mm voxels, median hull {litres:.0f} litres"
     )
-
-
-def _lines(verdict: Verdict) -> list[str]:
-    """The verdict, a line for each finding and one for all."""
-    kinds = {Severity.DOUBT: "doubt", Severity.HOPELESS: "wrong"}
-    lines = [f"{kinds[finding.severity]}: {finding.told}" for finding in verdict.findings]
-    if verdict.frames == 0:
-        return [*lines, "verdict: no frame in which two views show anybody"]
-    end = "nothing can come of it" if verdict.is_hopeless else "with doubts" if lines else "good"
-    return [*lines, f"verdict from {verdict.frames} frames: {end}"]

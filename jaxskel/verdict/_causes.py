@@ -11,7 +11,7 @@ from .._camera import Cameras
 from .._silhouettes import Silhouettes
 from ._culprits import Culprits
 from ._frames import MOST_STEPS
-from ._repairs import DISCRETE, Masks, Similarity
+from ._repairs import DISCRETE, Masks
 from ._scene import Scene
 from ._similarity import fit_similarity
 from ._views import reduced_silhouettes
@@ -23,6 +23,8 @@ _MENDED = 0.7
 _SIMPLER = 0.1
 # A repair that leaves less of the silhouettes than this takes the view away instead of mending it.
 _KEPT = 0.7
+MOST_PERSON = 0.5
+"""Share of an image that nobody covers who is filmed whole: masks with more are inverted."""
 
 
 class Cause(NamedTuple):
@@ -65,19 +67,19 @@ def cause_of(scene: Scene, culprits: Culprits, material: Material, steps: Sequen
     for view in own:
         similarity = fit_similarity(scene, view, culprits.after)
         mended = scene.with_masks(view, similarity.apply(scene.masks[:, view])).misfit()
-        if mended <= min(target, allowed) and _is_kept(scene, view, similarity.apply(scene.masks[:, view])):
+        if mended <= min(target, allowed):
             focal = float(np.asarray(scene.cameras.K)[view, 0, 0])
             best = Cause((view,), similarity.told(int(steps[view]), focal), mended)
             allowed = mended
     return best
 
 
-def out_of_step(scene: Scene, view: int, material: Material) -> Cause | None:
-    """The number of frames by which a view comes too late or too early, if another one than zero fits better."""
+def out_of_step(scene: Scene, view: int, material: Material, most: int = MOST_STEPS) -> Cause | None:
+    """The number of frames, up to a most, by which a view is too late or too early, if not zero fits best."""
     length = len(material.silhouettes)
     if length < 3 or not scene.masks[:, view].any():
         return None
-    steps = np.arange(-MOST_STEPS, MOST_STEPS + 1)
+    steps = np.arange(-most, most + 1)
     wanted = np.clip(material.chosen + steps[:, None], 0, length - 1)
     frames, which = np.unique(wanted, return_inverse=True)
     masks = reduced_silhouettes(material.cameras, view, np.asarray(material.silhouettes[frames, view]))
@@ -122,5 +124,6 @@ def _is_kept(scene: Scene, view: int, masks: Masks, keeps_size: bool = True) -> 
     """Whether the person is still there after a repair."""
     before, after = (m.sum((1, 2)).astype(float) for m in (scene.masks[:, view], masks))
     if not keeps_size:
-        return bool((after > 0)[before > 0].all())
+        pixels = scene.cameras.size[view].prod()
+        return bool(((after > 0) & (after < MOST_PERSON * pixels))[before > 0].all())
     return bool((after >= _KEPT * before).all())

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .._recording import Recording
-from ._causes import Cause, Material, cause_of, out_of_step
+from ._causes import MOST_PERSON, Cause, Material, cause_of, out_of_step
 from ._culprits import CLEAR, Culprits, find_culprits
 from ._frames import telling_frames
 from ._plausible import Plausibility, plausibility, wrong_unit, wrong_up
@@ -17,14 +17,13 @@ from ._views import reduce_views
 
 # Frames that are looked at.
 _FRAMES = 8
-# Misfits (half heights). Below the first nothing is looked for. Above the second, with as many views forgiven as carving
-# forgives at its most tolerant, no hull is a person: dirty masks have up to 0.006, rigs with images turned or mirrored,
-# or of another calibration, 0.01 to 0.12.
+# Misfits (half heights). Below the first nothing is looked for. Above the second, with as many views forgiven as
+# carving forgives at its most tolerant, no hull is a person: dirty masks have up to 0.006, rigs with images turned or
+# mirrored, or of another calibration, 0.01 to 0.12.
 _QUIET, _HOPELESS = 0.002, 0.02
-# Out of step by a frame or two, where the others agree nearly, as a share of the misfit and in half heights.
-_STEPPED, _LEAST_STEPPED = 0.5, 0.0004
-# Of a person in most of the image: masks are inverted.
-_MOST_PERSON = 0.5
+# A view that is out of step by a few frames, of a person who hardly moves: the share of the misfit that goes with the
+# right step, and how large the misfit (half heights) must be to ask.
+_STEPPED, _LEAST_STEPPED, _FEW_STEPS = 0.5, 0.0004, 4
 
 
 class Severity(IntEnum):
@@ -82,7 +81,7 @@ def judge(recording: Recording, thorough: bool = False) -> Verdict:
         return Verdict((), None, None, len(chosen))
     names = recording.cameras.names
     areas = masks.sum((2, 3)) / cameras.size.prod(1)
-    if np.median(areas) > _MOST_PERSON:
+    if np.median(areas) > MOST_PERSON:
         told = "most of every image is person, so the masks are inverted: white is the person"
         return Verdict((Finding(Severity.HOPELESS, (), told),), None, None, len(chosen))
     scene = make_scene(cameras, masks)
@@ -106,7 +105,8 @@ def _contradictions(scene: Scene, material: Material, steps: list[int], names: t
         return []
     culprits = find_culprits(scene)
     cause = cause_of(scene, culprits, material, steps) if culprits.views else None
-    whole = rig_cause(scene) if cause is None else None
+    # Where the rest agrees, nothing is wrong with it.
+    whole = rig_cause(scene) if cause is None and not (culprits.views and culprits.after < _QUIET) else None
     if whole is not None and whole.misfit < 0.5 * culprits.after:
         return [Finding(Severity.HOPELESS, (), f"the silhouettes contradict each other because {whole.told}")]
     if culprits.views:
@@ -148,7 +148,9 @@ def _steps(scene: Scene, material: Material, names: tuple[str, ...]) -> list[Fin
     misfit = scene.misfit()
     if misfit < _LEAST_STEPPED:
         return []
-    found = [cause for view in range(len(names)) if (cause := out_of_step(scene, view, material)) is not None]
+    found = [
+        cause for view in range(len(names)) if (cause := out_of_step(scene, view, material, _FEW_STEPS)) is not None
+    ]
     best = min(found, key=lambda cause: cause.misfit, default=None)
     if best is None or best.misfit > (1 - _STEPPED) * misfit or misfit - best.misfit < _LEAST_STEPPED:
         return []

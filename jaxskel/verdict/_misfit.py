@@ -64,8 +64,8 @@ class FrameEvidence(eqx.Module):
     """See `Outside`."""
     seen: Bool[np.ndarray, "cams near"]
     cell: Int[np.ndarray, "cams near"]
-    area: tuple[Float[np.ndarray, " cells"], ...]
-    judged: tuple[Bool[np.ndarray, " cells"], ...]
+    area: tuple[Float[np.ndarray, " _"], ...]
+    judged: tuple[Bool[np.ndarray, " _"], ...]
     """Cells of each view of which a point is seen by enough other views."""
     near: Int[np.ndarray, " near"]
     """Which points these are."""

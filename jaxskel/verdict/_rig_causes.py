@@ -5,10 +5,13 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Bool
 
 from .._camera import Cameras
-from ._repairs import DISCRETE, Masks, Similarity
+from ._repairs import Flipped, HalfTurn, Masks, Mirrored, QuarterTurn, Similarity
 from ._scene import Scene, make_scene
+
+Views = Bool[np.ndarray, "frames cams rows columns"]
 
 # Of several frames so many are tried: each repair looks at the whole rig anew.
 _FRAMES = 4
@@ -34,7 +37,7 @@ def rig_cause(scene: Scene) -> RigCause | None:
     best = RigCause("", _LEFT * before)
     for told, change in _repairs(cameras):
         others, mended = change(cameras, masks)
-        if not mended.any((2, 3)).sum() == masks.any((2, 3)).sum():
+        if mended.any((2, 3)).sum() != masks.any((2, 3)).sum():
             continue  # nobody is left in some view, which contradicts nothing
         found = make_scene(others, mended)
         # A view that no longer sees the others' person says nothing: that is no repair.
@@ -43,11 +46,11 @@ def rig_cause(scene: Scene) -> RigCause | None:
     return best if best.told else None
 
 
-_Change = Callable[[Cameras, Masks], tuple[Cameras, Masks]]
+_Change = Callable[[Cameras, Views], tuple[Cameras, Views]]
 
 
 def _repairs(cameras: Cameras) -> Iterator[tuple[str, _Change]]:
-    for repair in DISCRETE:
+    for repair in (HalfTurn(), Mirrored(), Flipped(), QuarterTurn(1), QuarterTurn(3)):
         yield f"every view {repair.told}", lambda c, m, r=repair: (c, _each(c, m, r.apply))
     count = len(cameras)
     orders = [np.roll(np.arange(count), shift) for shift in range(1, count)] + [np.arange(count)[::-1]]
@@ -73,7 +76,7 @@ def _repairs(cameras: Cameras) -> Iterator[tuple[str, _Change]]:
         yield told, lambda c, m, s=scale: (c, _each(c, m, _from_corner(s, c).apply))
 
 
-def _each(cameras: Cameras, masks: Masks, change: Callable[[Masks], Masks]) -> Masks:
+def _each(cameras: Cameras, masks: Views, change: Callable[[Masks], Masks]) -> Views:
     found = np.zeros_like(masks)
     for c, (width, height) in enumerate(cameras.size):
         found[:, c, :height, :width] = change(masks[:, c, :height, :width])

@@ -10,7 +10,7 @@ from ._scene import Scene
 _STEPS = (0.04, 8.0, 8.0, 0.07)
 _HALVINGS = 3
 # The search ends where this share of the contradiction is left: nobody asks for the last pixel.
-_ENOUGH = 0.05
+_ENOUGH = 0.01
 
 
 def fit_similarity(scene: Scene, view: int, without: float) -> Similarity:

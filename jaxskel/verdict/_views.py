@@ -78,12 +78,12 @@ def reduced_silhouettes(
 ) -> Bool[np.ndarray, "frames rows columns"]:
     """The silhouettes of one camera at the size that `reduce_views` gives them, padded to the largest of all."""
     steps, sizes = _steps_and_sizes(cameras)
-    (width, height), step, (across, down) = cameras.size[index], int(steps[index]), sizes[index]
+    (width, height), (across, down), step = cameras.size[index].tolist(), sizes[index].tolist(), int(steps[index])
     found = np.zeros((len(silhouettes), *sizes.max(0)[::-1]), bool)
     padded = np.zeros((down * step, across * step), np.uint8)
     for f, packed in enumerate(silhouettes):
         padded[:height, :width] = 255 * unpack_silhouettes(packed, width)[:height]
-        found[f, :down, :across] = cv2.resize(padded, (int(across), int(down)), interpolation=cv2.INTER_AREA) > 127
+        found[f, :down, :across] = cv2.resize(padded, (across, down), interpolation=cv2.INTER_AREA) > 127
     return found
 
 
