@@ -19,8 +19,6 @@ from ._views import reduced_silhouettes
 # A repair is believed where it takes away this share of what the culprit adds to the misfit. True ones take away 0.9
 # and more, on all shared recordings that were spoilt on purpose.
 _MENDED = 0.7
-# A repair with numbers in it fits better by chance: one without is preferred unless it is worse by this share.
-_SIMPLER = 0.1
 # A repair that leaves less of the silhouettes than this takes the view away instead of mending it.
 _KEPT = 0.7
 MOST_PERSON = 0.5
@@ -46,31 +44,36 @@ class Material(NamedTuple):
     """Frames of the scene."""
 
 
-def cause_of(scene: Scene, culprits: Culprits, material: Material, steps: Sequence[int]) -> Cause | None:
-    """The fault that explains most of the contradiction, if there is one that explains enough of it.
+def simple_cause(scene: Scene, culprits: Culprits, material: Material) -> Cause | None:
+    """The fault without a size that explains most of the contradiction, if there is one that explains enough of it.
 
     Args:
         scene: With the contradiction.
         culprits: Who they may be.
         material: For silhouettes of other frames.
-        steps: Pixels along the edge of a reduced one, by view.
     """
-    target = culprits.before - _MENDED * culprits.excess
-    own = culprits.views if len(culprits.views) > 1 else culprits.suspects[: max(1, culprits.alike)]
-    found = [cause for view in own for cause in _of_one_view(scene, view, material)]
+    found = [cause for view in culprits.likely for cause in _of_one_view(scene, view, material)]
     found += _exchanged(scene, culprits)
-    found = [cause for cause in found if cause.misfit <= target]
     best = min(found, key=lambda cause: cause.misfit, default=None)
-    if len(culprits.views) > 1 or (best and best.misfit <= culprits.after + _SIMPLER * culprits.excess):
-        return best
-    allowed = np.inf if best is None else best.misfit - _SIMPLER * culprits.excess
-    for view in own:
+    return best if best and best.misfit <= culprits.before - _MENDED * culprits.excess else None
+
+
+def moved_cause(scene: Scene, culprits: Culprits, steps: Sequence[int], most: float) -> Cause | None:
+    """The view whose images are moved, resized or rolled, if that explains enough of the contradiction.
+
+    Args:
+        scene: With the contradiction.
+        culprits: One view, or several that are alike.
+        steps: Pixels along the edge of a reduced one, by view.
+        most: Misfit that may be left at most (half heights).
+    """
+    best = None
+    for view in culprits.likely if len(culprits.views) == 1 else ():
         similarity = fit_similarity(scene, view, culprits.after)
         mended = scene.with_masks(view, similarity.apply(scene.masks[:, view])).misfit()
-        if mended <= min(target, allowed):
+        if mended <= min(most, culprits.before - _MENDED * culprits.excess, best.misfit if best else np.inf):
             focal = float(np.asarray(scene.cameras.K)[view, 0, 0])
             best = Cause((view,), similarity.told(int(steps[view]), focal), mended)
-            allowed = mended
     return best
 
 

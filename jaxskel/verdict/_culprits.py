@@ -35,6 +35,11 @@ class Culprits(NamedTuple):
     """Misfit of the rest (half heights)."""
 
     @property
+    def likely(self) -> tuple[int, ...]:
+        """The culprits, or those of which one is the culprit."""
+        return self.views if len(self.views) > 1 else self.suspects[: self.alike]
+
+    @property
     def excess(self) -> float:
         """Misfit that the culprits make (half heights)."""
         return self.before - self.after

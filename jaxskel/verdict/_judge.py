@@ -7,11 +7,11 @@ import numpy as np
 from jaxtyping import Float
 
 from .._recording import Recording
-from ._causes import MOST_PERSON, Cause, Material, cause_of, out_of_step
+from ._causes import MOST_PERSON, Cause, Material, moved_cause, out_of_step, simple_cause
 from ._culprits import CLEAR, Culprits, find_culprits
 from ._frames import telling_frames
 from ._plausible import Plausibility, plausibility, wrong_unit, wrong_up
-from ._rig_causes import rig_cause
+from ._rig_causes import RigCause, rig_cause
 from ._scene import Scene, make_scene
 from ._views import reduce_views
 
@@ -21,8 +21,12 @@ _FRAMES = 8
 # carving forgives at its most tolerant, no hull is a person: dirty masks have up to 0.006, rigs with images turned or
 # mirrored, or of another calibration, 0.01 to 0.12.
 _QUIET, _HOPELESS = 0.002, 0.02
+# A repair without a size is believed unless one with a size leaves less of the contradiction by this share.
+_SIMPLER = 0.1
+# A fault of the whole rig does not leave so many views that agree.
+_MANY = 4
 # A view that is out of step by a few frames, of a person who hardly moves: the share of the misfit that goes with the
-# right step, and how large the misfit (half heights) must be to ask.
+# right step, how large the misfit (half heights) must be to ask, and the most steps that are tried.
 _STEPPED, _LEAST_STEPPED, _FEW_STEPS = 0.5, 0.0004, 4
 
 
@@ -104,13 +108,22 @@ def _contradictions(scene: Scene, material: Material, steps: list[int], names: t
     if misfit < _QUIET:
         return []
     culprits = find_culprits(scene)
-    cause = cause_of(scene, culprits, material, steps) if culprits.views else None
-    # Where the rest agrees, nothing is wrong with it.
-    whole = rig_cause(scene) if cause is None and not (culprits.views and culprits.after < _QUIET) else None
-    if whole is not None and whole.misfit < 0.5 * culprits.after:
-        return [Finding(Severity.HOPELESS, (), f"the silhouettes contradict each other because {whole.told}")]
     if culprits.views:
+        cause = simple_cause(scene, culprits, material)
+        explained = culprits.before if cause is None else cause.misfit
+        # A fault without a size is preferred to one with, which fits better by chance; and where few views are left,
+        # they may agree although the same is wrong with all of them.
+        enough = culprits.after + _SIMPLER * culprits.excess
+        few = len(culprits.views) > 1 or len(names) - 1 < _MANY
+        whole = rig_cause(scene) if explained > enough and few else None
+        if whole is not None and whole.misfit <= min(explained, culprits.after + 0.25 * culprits.excess):
+            return [_of_rig(whole)]
+        if explained > enough:
+            cause = moved_cause(scene, culprits, steps, explained - _SIMPLER * culprits.excess) or cause
         return [_of_views(scene, culprits, cause, names)]
+    whole = rig_cause(scene)
+    if whole is not None:
+        return [_of_rig(whole)]
     if scene.misfit(misses=scene.misses) > _HOPELESS:
         told = (
             "the silhouettes contradict each other everywhere, whichever view is left out: is the calibration that of "
@@ -123,6 +136,10 @@ def _contradictions(scene: Scene, material: Material, steps: list[int], names: t
     return []
 
 
+def _of_rig(cause: RigCause) -> Finding:
+    return Finding(Severity.HOPELESS, (), f"the silhouettes contradict each other because {cause.told}")
+
+
 def _of_views(scene: Scene, culprits: Culprits, cause: Cause | None, names: tuple[str, ...]) -> Finding:
     rest = len(names) - len(culprits.views)
     share = f"without {'it' if len(culprits.views) == 1 else 'them'} the misfit falls from {{0:.1f}} to {{1:.1f}} mm"
@@ -133,8 +150,7 @@ def _of_views(scene: Scene, culprits: Culprits, cause: Cause | None, names: tupl
         told = f"{' and '.join(guilty)} {cause.told}; mended, the misfit falls from {half * culprits.before:.1f} to "
         told += f"{half * cause.misfit:.1f} mm"
     else:
-        possible = culprits.suspects[: culprits.alike] if culprits.alike > 1 else culprits.views
-        guilty = tuple(names[view] for view in possible)
+        guilty = tuple(names[view] for view in culprits.likely)
         joined = (" or " if culprits.alike > 1 else " and ").join(guilty)
         told = (
             f"{joined} contradict{'s' if len(guilty) == 1 or culprits.alike > 1 else ''} all others ({figures}): "
