@@ -76,6 +76,12 @@ def test_what_is_wrong_with_all_views_is_hopeless_and_named(recording, kind):
     assert word in verdict.findings[0].told
 
 
+def test_a_film_that_stands_still_is_named(recording):
+    frozen = with_view(recording, GUILTY, lambda m: np.repeat(m[:1], len(m), 0))
+    findings = judge(frozen).findings
+    assert any(f.views == (recording.cameras.names[GUILTY],) and "same silhouette" in f.told for f in findings)
+
+
 def test_exchanged_views_are_both_named(recording):
     (finding,) = judge(exchanged(recording, 1, 4)).findings
     assert finding.views == (recording.cameras.names[1], recording.cameras.names[4])

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from .._recording import Recording
 from ._causes import MOST_PERSON, Cause, Material, moved_cause, out_of_step, simple_cause
@@ -25,6 +25,8 @@ _QUIET, _HOPELESS = 0.002, 0.02
 _SIMPLER = 0.1
 # A fault of the whole rig does not leave so many views that agree.
 _MANY = 4
+# Where others change by less than this share of a silhouette between the frames looked at, one may well not change.
+_MOVING = 0.05
 # A view that is out of step by a few frames, of a person who hardly moves: the share of the misfit that goes with the
 # right step, how large the misfit (half heights) must be to ask, and the most steps that are tried.
 _STEPPED, _LEAST_STEPPED, _FEW_STEPS = 0.5, 0.0004, 4
@@ -91,6 +93,7 @@ def judge(recording: Recording, thorough: bool = False) -> Verdict:
     scene = make_scene(cameras, masks)
     material = Material(recording.cameras, recording.silhouettes, chosen)
     findings = [*_contradictions(scene, material, steps.tolist(), names)]
+    findings += _frozen(masks, names)
     if thorough and not findings:
         findings += _steps(scene, material, names)
     figures = plausibility(scene)
@@ -158,6 +161,18 @@ def _of_views(scene: Scene, culprits: Culprits, cause: Cause | None, names: tupl
         )
     hopeless = rest < 3 and culprits.excess > _HOPELESS / 2
     return Finding(Severity.HOPELESS if hopeless else Severity.DOUBT, guilty, told)
+
+
+def _frozen(masks: Bool[np.ndarray, "frames cams rows columns"], names: tuple[str, ...]) -> list[Finding]:
+    """Views whose film stands still while the others go on."""
+    area = np.maximum(masks.sum((0, 2, 3)), 1)
+    changed = (masks != masks[:1]).sum((0, 2, 3)) / area
+    still = [c for c in range(len(names)) if masks[:, c].any() and changed[c] == 0]
+    if not still or len(still) == len(names) or np.median(np.delete(changed, still)) < _MOVING:
+        return []
+    guilty = tuple(names[c] for c in still)
+    told = f"{' and '.join(guilty)} show{'s' if len(guilty) == 1 else ''} the same silhouette in all frames"
+    return [Finding(Severity.DOUBT, guilty, f"{told}, while the person moves in the other views")]
 
 
 def _steps(scene: Scene, material: Material, names: tuple[str, ...]) -> list[Finding]:
