@@ -41,8 +41,9 @@ def plausibility(scene: Scene) -> Plausibility:
     for f, frame in enumerate(scene.frames):
         inside = np.zeros(len(samples.points), bool)
         inside[frame.near[(np.sort(frame.distance, axis=0)[-1 - scene.misses] <= 0)]] = True
-        label, count = ndimage.label(inside.reshape(POINTS, POINTS, POINTS), np.ones((3, 3, 3)))
-        largest = np.bincount(label.ravel())[1:].max() if count else 0
+        part = np.zeros((POINTS, POINTS, POINTS), np.int32)
+        ndimage.label(inside.reshape(part.shape), np.ones((3, 3, 3)), output=part)
+        largest = np.bincount(part[part > 0], minlength=1).max()
         litres.append(1e3 * largest * samples.spacing[f] ** 3)
     away = np.linalg.norm(samples.middle[:, None] - scene.cameras.centres, axis=-1)
     return Plausibility(float(np.nanmedian(samples.half)), float(np.nanmedian(litres)), np.median(away, axis=0))

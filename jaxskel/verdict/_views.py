@@ -95,7 +95,7 @@ def _steps_and_sizes(cameras: Cameras) -> tuple[Int[np.ndarray, " cams"], Int[np
 def samples_around(cameras: Cameras, masks: Bool[np.ndarray, "frames cams rows columns"]) -> Samples:
     """A cube of points around each person, as large as the silhouettes say, whatever the unit of the calibration is."""
     packed = pack_silhouettes(masks)
-    there = masks.any((2, 3))
+    there = np.asarray(masks.any((2, 3)))
     middle = body_middles(cameras, packed, ~there)
     boxes = person_boxes(packed)
     half = np.full(len(masks), np.nan)
