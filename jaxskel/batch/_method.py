@@ -22,6 +22,8 @@ class Method:
     """Cutoff of the low-pass filter over the finished poses (Hz); None: not filtered."""
     subject: Path | None = None
     """TOML file with the dimensions of the one subject of all recordings; None: each has its own, or none."""
+    anyway: bool = False
+    """Whether to reconstruct recordings whose views contradict each other so that nothing can come of it."""
 
     def read(self, source: Path) -> Recording:
         """Read a recording, with the subject that is given."""

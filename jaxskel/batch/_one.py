@@ -17,6 +17,7 @@ from .._pipeline import batches_from
 from .._prepare import prepare
 from .._silhouettes import AbstractSilhouettes
 from .._smooth import smooth
+from ..verdict import doubts_before_work
 from ._folders import ResultFolder
 from ._manifest import Manifest, Work, current_version, done, failed
 from ._method import Method
@@ -143,6 +144,9 @@ def _reconstructed(
         watched = Watched(recording.silhouettes, lambda: on_sign("reading its silhouettes"))
         recording = eqx.tree_at(lambda r: r.silhouettes, recording, watched)
     on_frames(0, len(recording))
+    on_sign("looking whether its views agree")
+    with _timed(seconds, "check"):
+        doubts = doubts_before_work(source.path, recording, method.anyway)
     on_sign("preparing")
     with _timed(seconds, "prepare"):
         settings = method.settings_for_subject()
@@ -164,7 +168,9 @@ def _reconstructed(
         on_sign("writing its poses")
         if reading.is_changed:
             raise Changed
-        manifest = replace(done(reading.work, poses, problem, seconds, request, resumed), note=note)
+        manifest = replace(
+            done(reading.work, poses, problem, seconds, request, resumed), note="; ".join(filter(None, [note, *doubts]))
+        )
         return folder.finish(poses, manifest)
 
 

@@ -31,6 +31,7 @@ from ..io import read_subject
 from ._run import Box, MaxMisses, Preset, PresetOption, Smooth, Spacing, Subject, Track, check_output, make_settings
 from ._say import cell, say, warn
 from ._slurm import stop_when_told, submit
+from ._verdict import Anyway
 
 
 def batch(
@@ -62,6 +63,7 @@ def batch(
     preset: PresetOption = Preset.DEFAULT,
     track: Track = False,
     smooth_hz: Smooth = None,
+    anyway: Anyway = False,
 ) -> None:
     """Reconstruct many recordings; run again, it goes on with what is not done or has changed."""
     if not timeout > 0:
@@ -72,7 +74,7 @@ def batch(
     settings = make_settings(preset, spacing, max_misses, box, track)
     if subject is not None:
         read_subject(subject)  # a fault of it is no recording's
-    method = Method(settings, smooth_hz, subject)
+    method = Method(settings, smooth_hz, subject, anyway)
     request = uuid4().hex if force else ""
     if shard is not None or slurm is not None:  # each process sees its own part only
         check_places(every, output, subject)
@@ -134,6 +136,8 @@ class _Display:
             self._failed += event.manifest.outcome is Outcome.FAILED
             if not self._console.is_terminal:
                 print(event.told(self._done, self._total), file=sys.stderr, flush=True)
+            elif event.manifest.note:
+                self._console.print(cell(f"{event.source.name}: {event.manifest.note}"))
         failed = f", {self._failed} failed" if self._failed else ""
         done = self._done + sum(self._parts.values())
         self._progress.update(self._task, completed=done, description=f"recordings{failed}")

@@ -1,10 +1,9 @@
-"""`jaxskel check`: is the input as it should be? Draws voxel box and hull into every view."""
+"""`jaxskel check`: is the input as it should be? A verdict, and a picture of voxel box and hull in every view."""
 
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-import equinox as eqx
 import numpy as np
 import typer
 from rich.console import Console
@@ -15,11 +14,13 @@ from .._grid import VoxelGrid
 from .._hull import VisualHulls
 from .._pictures import PICTURES, write_image
 from .._pipeline import Settings, prepare
+from .._prepared import Prepared
 from .._recording import Recording, unpack_silhouettes
 from .._reproject import agreement, reproject
 from .._views import lost_views, silhouette_areas
 from ..io import read_recording
 from ..overlays import draw_box, draw_hull, draw_silhouette, tile
+from ..verdict import Severity, Verdict, judge
 from ._outputs import chosen_file, files_of
 from ._run import Box, MaxMisses, Preset, Recorded, Spacing, make_settings
 from ._say import cell, say
@@ -37,20 +38,42 @@ def check(
     max_misses: MaxMisses = None,
     box: Box = None,
 ) -> None:
-    """Draw the voxel box and the hull's reprojection; report its coverage of the silhouettes in every view."""
+    """Judge whether the views agree and name what is wrong; draw box and hull into every view.
+
+    Exit code 0: good. 1: there are doubts. 2: nothing can come of it, or the input is wrong.
+    """
     settings = make_settings(Preset.DEFAULT, spacing, max_misses, box)
     output = chosen_file(output, "check.png", files_of(source), PICTURES)
     recording = read_recording(source)
     drawn = len(recording) // 2 if frame is None else frame
     if not 0 <= drawn < len(recording):
         raise ValueError(f"{source}: there is no frame {drawn}; give 0 to {len(recording) - 1}")
+    verdict = judge(recording, thorough=True)
     # No pose is needed, hence no body.
     prepared = prepare(recording, replace(settings, search=None))
-    if prepared.table is None:
-        raise ValueError(f"{source}: no frame has a hull of a person's size; {_suspect(recording, settings)}")
+    place = f"{source}"
+    if prepared.table is not None:
+        _draw(recording, prepared, verdict, drawn, output)
+        place = f"{output}: frame {drawn} of {recording.name}, silhouettes grey, hull yellow, voxel box violet"
+    for finding in verdict.findings:
+        say(f"{'wrong' if finding.severity is Severity.HOPELESS else 'doubt'}: {finding.told}")
+    if verdict.is_hopeless:
+        code, told = 2, "nothing can come of it"
+    elif prepared.table is None:
+        code, told = 2, "no frame has a hull of a person's size; are the masks black, or the calibration of others?"
+    else:
+        code, told = (1, "with doubts") if verdict.findings else (0, "good")
+    say(f"{place}; verdict from {verdict.frames} frames: {told}")
+    if code:
+        raise typer.Exit(code)
+
+
+def _draw(recording: Recording, prepared: Prepared, verdict: Verdict, drawn: int, output: Path) -> None:
+    """Draw one frame; tabulate how much of the silhouettes the hulls cover in a few."""
+    assert prepared.table is not None
     cameras, grid = recording.cameras.rotated(prepared.to_z_up), prepared.table.grid
     chosen = np.unique(np.append(np.linspace(0, len(recording) - 1, _FRAMES).astype(int), drawn))
-    sils = recording.silhouettes[chosen]
+    sils = np.asarray(recording.silhouettes[chosen])
     lost = lost_views(silhouette_areas(sils), cameras)
     hulls = carve(sils, prepared.table, lost, prepared.max_misses)
     width = 8 * sils.shape[3]
@@ -73,14 +96,15 @@ def check(
         for name, share in zip(cameras.names, coverage[list(chosen).index(drawn)], strict=True)
     ]
     write_image(output, tile(images, labels, columns=min(5, len(images))))
-    Console().print(_table(cameras.names, coverage, spill, lost))
-    say(_describe(recording, grid, hulls))
-    say(f"{output}: frame {drawn} of {recording.name}, silhouettes grey, hull yellow, voxel box violet")
+    Console().print(_table(cameras.names, coverage, spill, lost, verdict))
+    say(_describe(recording, grid, hulls, verdict))
 
 
-def _table(names: tuple[str, ...], coverage: np.ndarray, spill: np.ndarray, lost: np.ndarray) -> Table:
+def _table(
+    names: tuple[str, ...], coverage: np.ndarray, spill: np.ndarray, lost: np.ndarray, verdict: Verdict
+) -> Table:
     table = Table(title=f"hull and silhouettes in {len(lost)} frames")
-    for column in ("view", "covered %", "worst %", "spill %", "without person"):
+    for column in ("view", "covered %", "worst %", "spill %", "misfit mm", "without person"):
         table.add_column(column, justify="left" if column == "view" else "right")
     for c, name in enumerate(names):
         there = ~lost[:, c]
@@ -88,30 +112,20 @@ def _table(names: tuple[str, ...], coverage: np.ndarray, spill: np.ndarray, lost
         if there.any():
             values = (np.median(coverage[there, c]), coverage[there, c].min(), np.median(spill[there, c]))
             figures = [f"{100 * value:.1f}" for value in values]
-        table.add_row(cell(name), *figures, str(int(lost[:, c].sum())))
+        misfit = np.nan if verdict.misfit is None else 1e3 * verdict.misfit[c]
+        told = f"{misfit:.1f}" if np.isfinite(misfit) else "-"
+        table.add_row(cell(name), *figures, told, str(int(lost[:, c].sum())))
     return table
 
 
-def _describe(recording: Recording, grid: VoxelGrid, hulls: VisualHulls) -> str:
+def _describe(recording: Recording, grid: VoxelGrid, hulls: VisualHulls, verdict: Verdict) -> str:
     size = " x ".join(f"{s:.2f}" for s in np.array(grid.shape) * grid.spacing)
+    away = ""
+    if verdict.figures is not None:
+        nearest, farthest = verdict.figures.distances.min(), verdict.figures.distances.max()
+        away = f" {nearest:.1f} to {farthest:.1f} m away"
     litres = np.median(1e3 * hulls.volumes)
     return (
-        f"{recording.name}: {len(recording)} frames at {recording.fps:g} fps, {len(recording.cameras)} cameras, up "
-        f"{recording.up}; voxel box {size} m of {1e3 * grid.spacing:g} mm voxels, median hull {litres:.0f} litres"
+        f"{recording.name}: {len(recording)} frames at {recording.fps:g} fps, {len(recording.cameras)} cameras{away}, "
+        f"up {recording.up}; voxel box {size} m of {1e3 * grid.spacing:g} mm voxels, median hull {litres:.0f} litres"
     )
-
-
-def _suspect(recording: Recording, settings: Settings) -> str:
-    """Name the camera without which there would be a hull."""
-    for c, name in enumerate(recording.cameras.names):
-        others = [i for i in range(len(recording.cameras)) if i != c]
-        if len(others) < 3:
-            break
-        part = eqx.tree_at(
-            lambda r: (r.cameras, r.silhouettes),
-            recording,
-            (recording.cameras[others], recording.silhouettes[:, others]),
-        )
-        if prepare(part, settings).table is not None:
-            return f"without camera {name} there is one: calibrate or mask that camera again"
-    return "are the masks black or inverted, or the calibration that of other views?"

@@ -14,12 +14,14 @@ from .._smooth import smooth
 from .._track import Tracking
 from ..batch import Method
 from ..io import write_poses
+from ..verdict import doubts_before_work
 from ._outputs import check_output as check_output
 from ._outputs import check_output_file as check_output_file
 from ._outputs import files_of
 from ._progress import StageTimes, doubt, reconstruct_with_progress, summary
 from ._ranges import check_number
 from ._say import say, warn
+from ._verdict import Anyway
 
 MOST_JOBS = 256
 """Processes at once: a machine's cores, and some to spare."""
@@ -66,6 +68,7 @@ def run(
     track: Track = False,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Processes at once, each on a core of its own.")] = 1,
     smooth_hz: Smooth = None,
+    anyway: Anyway = False,
 ) -> None:
     """Reconstruct every frame; write poses.npz and poses.csv."""
     method = Method(make_settings(preset, spacing, max_misses, box, track), smooth_hz, subject)
@@ -73,6 +76,8 @@ def run(
     check_number("--jobs", jobs, 1, MOST_JOBS, "a number of processes")
     check_output(output, POSES_FILES, [*files_of(source), *([] if subject is None else [subject])])
     recording = method.read(source)
+    for told in doubts_before_work(source, recording, anyway):
+        warn(told)
     settings = method.settings_for_subject()
     times = StageTimes()
     poses, prepared = reconstruct_with_progress(recording, settings, times, jobs)

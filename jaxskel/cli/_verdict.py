@@ -1,0 +1,10 @@
+"""The option that goes on against the verdict on a recording."""
+
+from typing import Annotated
+
+import typer
+
+Anyway = Annotated[
+    bool,
+    typer.Option("--anyway", help="Go on although the views contradict each other so that nothing can come of it."),
+]

@@ -1,0 +1,132 @@
+"""What is wrong with a view that contradicts the others: the repair that makes it agree."""
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Int
+
+from .._camera import Cameras
+from .._silhouettes import Silhouettes
+from ._culprits import Culprits
+from ._frames import MOST_STEPS
+from ._repairs import DISCRETE, Masks
+from ._scene import Scene
+from ._similarity import fit_similarity
+from ._views import reduced_silhouettes
+
+# A repair is believed where it takes away this share of what the culprit adds to the misfit. True ones take away 0.9
+# and more, on all shared recordings that were spoilt on purpose.
+_MENDED = 0.7
+# A repair that leaves less of the silhouettes than this takes the view away instead of mending it.
+_KEPT = 0.7
+MOST_PERSON = 0.5
+"""Share of an image that nobody covers who is filmed whole: masks with more are inverted."""
+
+
+class Cause(NamedTuple):
+    """A fault that explains why views contradict each other."""
+
+    views: tuple[int, ...]
+    told: str
+    """The fault, as a predicate of the views."""
+    misfit: float
+    """What it would be if the fault were mended (half heights)."""
+
+
+class Material(NamedTuple):
+    """Where the silhouettes of a scene come from: other frames may be asked for."""
+
+    cameras: Cameras
+    silhouettes: Silhouettes
+    chosen: Int[np.ndarray, " frames"]
+    """Frames of the scene."""
+
+
+def simple_cause(scene: Scene, culprits: Culprits, material: Material) -> Cause | None:
+    """The fault without a size that explains most of the contradiction, if there is one that explains enough of it.
+
+    Args:
+        scene: With the contradiction.
+        culprits: Who they may be.
+        material: For silhouettes of other frames.
+    """
+    found = [cause for view in culprits.likely for cause in _of_one_view(scene, view, material)]
+    found += _exchanged(scene, culprits)
+    best = min(found, key=lambda cause: cause.misfit, default=None)
+    return best if best and best.misfit <= culprits.before - _MENDED * culprits.excess else None
+
+
+def moved_cause(scene: Scene, culprits: Culprits, steps: Sequence[int], most: float) -> Cause | None:
+    """The view whose images are moved, resized or rolled, if that explains enough of the contradiction.
+
+    Args:
+        scene: With the contradiction.
+        culprits: One view, or several that are alike.
+        steps: Pixels along the edge of a reduced one, by view.
+        most: Misfit that may be left at most (half heights).
+    """
+    best = None
+    for view in culprits.likely if len(culprits.views) == 1 else ():
+        similarity = fit_similarity(scene, view, culprits.after)
+        mended = scene.with_masks(view, similarity.apply(scene.masks[:, view])).misfit()
+        if mended <= min(most, culprits.before - _MENDED * culprits.excess, best.misfit if best else np.inf):
+            focal = float(np.asarray(scene.cameras.K)[view, 0, 0])
+            best = Cause((view,), similarity.told(int(steps[view]), focal), mended)
+    return best
+
+
+def out_of_step(scene: Scene, view: int, material: Material, most: int = MOST_STEPS) -> Cause | None:
+    """The number of frames, up to a most, by which a view is too late or too early, if not zero fits best."""
+    length = len(material.silhouettes)
+    if length < 3 or not scene.masks[:, view].any():
+        return None
+    steps = np.arange(-most, most + 1)
+    wanted = np.clip(material.chosen + steps[:, None], 0, length - 1)
+    frames, which = np.unique(wanted, return_inverse=True)
+    masks = reduced_silhouettes(material.cameras, view, np.asarray(material.silhouettes[frames, view]))
+    best: tuple[float, int] = scene.misfit(), 0
+    for step, row in sorted(
+        zip(steps.tolist(), which.reshape(wanted.shape), strict=True), key=lambda each: abs(each[0])
+    ):
+        if step and _is_kept(scene, view, masks[row]):
+            best = min(best, (scene.with_masks(view, masks[row]).misfit(), step))
+    if best[1] == 0:
+        return None
+    late = "late" if best[1] > 0 else "early"
+    told = (
+        f"is out of step: its images are {abs(best[1])} frames too {late} (add {best[1]} to its offset in "
+        "recording.toml)"
+    )
+    return Cause((view,), told, best[0])
+
+
+def _of_one_view(scene: Scene, view: int, material: Material) -> Iterator[Cause]:
+    masks = scene.masks[:, view]
+    for repair in DISCRETE:
+        mended = np.zeros_like(masks)
+        width, height = scene.cameras.size[view]
+        mended[:, :height, :width] = repair.apply(masks[:, :height, :width])
+        if _is_kept(scene, view, mended, repair.keeps_size):
+            yield Cause((view,), repair.told, scene.with_masks(view, mended).misfit())
+    late = out_of_step(scene, view, material)
+    if late is not None:
+        yield late
+
+
+def _exchanged(scene: Scene, culprits: Culprits) -> Iterator[Cause]:
+    """Two views that have each other's images."""
+    for a, b in combinations(sorted(culprits.suspects), 2):
+        if (scene.cameras.size[a] == scene.cameras.size[b]).all():
+            mended = scene.with_masks(a, scene.masks[:, b]).with_masks(b, scene.masks[:, a])
+            yield Cause((a, b), "are exchanged: each has the other's images, or the other's camera", mended.misfit())
+
+
+def _is_kept(scene: Scene, view: int, masks: Masks, keeps_size: bool = True) -> bool:
+    """Whether the person is still there after a repair."""
+    before, after = (m.sum((1, 2)).astype(float) for m in (scene.masks[:, view], masks))
+    if not keeps_size:
+        pixels = scene.cameras.size[view].prod()
+        return bool(((after > 0) & (after < MOST_PERSON * pixels))[before > 0].all())
+    return bool((after >= _KEPT * before).all())

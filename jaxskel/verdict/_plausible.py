@@ -1,0 +1,89 @@
+"""Is what the silhouettes agree on a person in a room: its size, its upright, the cameras' distances?"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from scipy import ndimage
+
+from .._recording import UP_AXES
+from .._upright import upright
+from ._scene import Scene
+from ._views import POINTS
+
+# Litres of a hull. A child of three years has 14, and hulls are a fifth fatter than bodies; a heavy man's hull by three
+# cameras has 300, and four people who stand together made 880 in one piece.
+_LEAST_VOLUME, _MOST_VOLUME = 6.0, 1500.0
+# Half of a person's largest extent (m): a crouching child and a giant with his arms up, or a few people side by side.
+_LEAST_HALF, _MOST_HALF = 0.2, 2.6
+# Units that a calibration may have been meant in, by metres of one of them.
+_UNITS = {"millimetres": 0.001, "centimetres": 0.01, "inches": 0.0254, "feet": 0.3048, "decimetres": 0.1}
+_USUAL_HALF = 0.8
+# How well cameras agree in their upright before they are listened to, and how far from `up` it points (cosine).
+_AGREED, _SAME = 0.6, 0.5
+
+
+class Plausibility(NamedTuple):
+    """Figures of what the silhouettes agree on."""
+
+    half: float
+    """Half of the person's largest extent (m)."""
+    litres: float
+    """Volume of the largest connected part of the hull, median over the frames."""
+    distances: Float[np.ndarray, " cams"]
+    """From each camera to the middle of the person, median over the frames (m)."""
+
+
+def plausibility(scene: Scene) -> Plausibility:
+    """Measure what the silhouettes agree on."""
+    samples = scene.samples
+    litres = []
+    for f, frame in enumerate(scene.frames):
+        inside = np.zeros(len(samples.points), bool)
+        inside[frame.near[(np.sort(frame.distance, axis=0)[-1 - scene.misses] <= 0)]] = True
+        part = np.zeros((POINTS, POINTS, POINTS), np.int32)
+        ndimage.label(inside.reshape(part.shape), np.ones((3, 3, 3)), output=part)
+        largest = np.bincount(part[part > 0], minlength=1).max()
+        litres.append(1e3 * largest * samples.spacing[f] ** 3)
+    away = np.linalg.norm(samples.middle[:, None] - scene.cameras.centres, axis=-1)
+    return Plausibility(float(np.nanmedian(samples.half)), float(np.nanmedian(litres)), np.median(away, axis=0))
+
+
+def wrong_unit(found: Plausibility) -> str | None:
+    """What tells that lengths are not metres."""
+    if _LEAST_HALF <= found.half <= _MOST_HALF and _LEAST_VOLUME <= found.litres <= _MOST_VOLUME:
+        return None
+    told = (
+        f"what the silhouettes show is {2 * found.half:.2g} m large and has {found.litres:.3g} litres, seen from "
+        f"{found.distances.min():.2g} to {found.distances.max():.2g} m: lengths of the calibration are not metres"
+    )
+    ratio = found.half / _USUAL_HALF
+    # Metres that were divided by a thousand are as wrong as millimetres that were not.
+    factors = {f"{name} taken for metres": each for name, each in _UNITS.items()}
+    factors |= {f"metres taken for {name}": 1 / each for name, each in _UNITS.items()}
+    name, factor = min(factors.items(), key=lambda item: abs(np.log(ratio * item[1])))
+    if abs(np.log(ratio * factor)) < np.log(1.6):
+        told += f" but perhaps {name}: unit times {factor:.4g} in recording.toml"
+    return told
+
+
+def wrong_up(scene: Scene, up: str) -> str | None:
+    """What the cameras' own upright says against the world's up axis."""
+    direction = upright(scene.cameras)
+    length = np.linalg.norm(direction)
+    if length < _AGREED:
+        return None
+    axes = {axis: _direction(axis) @ direction / length for axis in UP_AXES}
+    best = max(axes, key=lambda axis: axes[axis])
+    if axes[up] >= _SAME:
+        return None
+    return (
+        f'up is {up}, but the cameras stand upright with {best} up: up = "{best}" in recording.toml, unless they '
+        "were mounted that way"
+    )
+
+
+def _direction(axis: str) -> Float[np.ndarray, "3"]:
+    unit = np.zeros(3)
+    unit["XYZ".index(axis[1])] = 1.0 if axis[0] == "+" else -1.0
+    return unit

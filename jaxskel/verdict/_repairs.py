@@ -1,0 +1,152 @@
+"""What may be wrong with the images of a view, each as the change to its silhouettes that would mend it."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import cv2
+import numpy as np
+from jaxtyping import Bool
+
+Masks = Bool[np.ndarray, "frames rows columns"]
+
+# Images whose scale is off by less than this are taken for moved ones: a hull of few views is larger than the body.
+_RESIZED = 0.04
+
+
+class ImageRepair(Protocol):
+    """A change to the silhouettes of a view."""
+
+    def apply(self, masks: Masks) -> Masks:
+        """The silhouettes as they would be if the fault were mended; of the same size."""
+        ...
+
+    @property
+    def told(self) -> str:
+        """The fault, as a predicate of the view: 'is mirrored'."""
+        ...
+
+    @property
+    def keeps_size(self) -> bool:
+        """Whether the person covers as many pixels as before."""
+        ...
+
+
+@dataclass(frozen=True)
+class HalfTurn:
+    """Images that stand on their heads."""
+
+    told = "is turned by 180 degrees (turn = 180 in recording.toml says so)"
+    keeps_size = True
+
+    def apply(self, masks: Masks) -> Masks:
+        """Turn them back."""
+        return masks[:, ::-1, ::-1]
+
+
+@dataclass(frozen=True)
+class Mirrored:
+    """Images whose left is right: no turn of a camera makes them so."""
+
+    told = "is mirrored left to right (flip its images)"
+    keeps_size = True
+
+    def apply(self, masks: Masks) -> Masks:
+        """Flip them."""
+        return masks[:, :, ::-1]
+
+
+@dataclass(frozen=True)
+class Flipped:
+    """Images whose top is at the bottom, left and right as they are: of some image formats."""
+
+    told = "is flipped top to bottom (flip its images)"
+    keeps_size = True
+
+    def apply(self, masks: Masks) -> Masks:
+        """Flip them."""
+        return masks[:, ::-1]
+
+
+@dataclass(frozen=True)
+class QuarterTurn:
+    """Images that lie on their side, cut or padded to the size of upright ones."""
+
+    quarters: int
+    """Turns by 90 degrees counterclockwise that mend it."""
+    keeps_size: bool = False
+
+    @property
+    def told(self) -> str:
+        """The fault."""
+        return f"is turned by {90 * self.quarters} degrees (turn = {90 * self.quarters} in recording.toml says so)"
+
+    def apply(self, masks: Masks) -> Masks:
+        """Turn them back about the middle of the image."""
+        turned = np.rot90(masks, self.quarters, (1, 2))
+        found = np.zeros_like(masks)
+        rows, columns = (min(a, b) for a, b in zip(masks.shape[1:], turned.shape[1:], strict=True))
+        to, of = ([(n - m) // 2 for n, m in zip(s.shape[1:], (rows, columns), strict=True)] for s in (found, turned))
+        part = turned[:, of[0] : of[0] + rows, of[1] : of[1] + columns]
+        found[:, to[0] : to[0] + rows, to[1] : to[1] + columns] = part
+        return found
+
+
+@dataclass(frozen=True)
+class Inverted:
+    """Masks in which the person is black."""
+
+    told = "is inverted: the person is the background of its masks"
+    keeps_size = False
+
+    def apply(self, masks: Masks) -> Masks:
+        """Exchange person and background."""
+        return ~masks
+
+
+@dataclass(frozen=True)
+class Similarity:
+    """Images that are moved, resized or rolled against the calibration."""
+
+    scale: float
+    """Size of the image relative to what the calibration is for; about the middle of the image."""
+    right: float
+    down: float
+    """By how much the image lies right of and below its place (px)."""
+    roll: float = 0.0
+    """Turn of the image about its middle (rad)."""
+
+    def told(self, step: int, focal: float) -> str:
+        """The fault.
+
+        Args:
+            step: Pixels of the camera's image along the edge of one of these.
+            focal: Focal length of the camera in these pixels (px).
+        """
+        if abs(self.scale - 1) > _RESIZED:
+            return (
+                f"is resized: the person is {self.scale:.2g} times as large as the others say (scale in "
+                "recording.toml, or the calibration of this image size)"
+            )
+        turned = np.degrees(np.hypot(np.arctan(np.hypot(self.right, self.down) / focal), self.roll))
+        return (
+            f"is not where its calibration has it: its camera was moved, by about {turned:.1f} degrees (calibrate it "
+            f"again; jaxskel refine-cameras mends little ones), or its images are cut, by about "
+            f"[{-step * self.right:.0f}, {-step * self.down:.0f}] px (crop in recording.toml)"
+        )
+
+    def apply(self, masks: Masks) -> Masks:
+        """Bring them to where the calibration has them."""
+        rows, columns = masks.shape[1:]
+        middle = np.array([columns - 1, rows - 1]) / 2
+        cosine, sine = np.cos(self.roll) * self.scale, np.sin(self.roll) * self.scale
+        # From the place in the calibrated image to that in the one that is there, as OpenCV wants it.
+        linear = np.array([[cosine, -sine], [sine, cosine]])
+        matrix = np.column_stack([linear, middle - linear @ middle + [self.right, self.down]])
+        flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
+        return np.stack([cv2.warpAffine(m.astype(np.uint8), matrix, (columns, rows), flags=flags) > 0 for m in masks])
+
+
+DISCRETE: tuple[ImageRepair, ...] = (
+    HalfTurn(), Mirrored(), Flipped(), QuarterTurn(1), QuarterTurn(3), Inverted(),
+)  # fmt: skip
+"""Faults without a number to find."""

@@ -1,0 +1,69 @@
+"""Some frames of a recording, ready to be asked how well the views agree: as they are, or with some of them changed."""
+
+from dataclasses import replace
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Bool, Float
+
+from .._camera import Cameras
+from .._votes import most_misses
+from ._misfit import FrameEvidence, frame_evidence, frame_misfits, outside, with_view
+from ._views import Samples, Sight, samples_around, sights_of
+
+
+class Scene(eqx.Module):
+    """Some frames of a recording at a reduced size, seen by all views."""
+
+    cameras: Cameras
+    masks: Bool[np.ndarray, "frames cams rows columns"]
+    samples: Samples
+    sights: tuple[Sight, ...]
+    frames: tuple[FrameEvidence, ...]
+    misses: int
+    """As many views of a frame may err where carving is at its most tolerant."""
+
+    @property
+    def every(self) -> Bool[np.ndarray, " cams"]:
+        """All views."""
+        return np.ones(len(self.cameras), bool)
+
+    def without(self, *views: int) -> Bool[np.ndarray, " cams"]:
+        """All views but these."""
+        chosen = self.every
+        chosen[list(views)] = False
+        return chosen
+
+    def by_view(self, chosen: Bool[np.ndarray, " cams"] | None = None, misses: int = 0) -> Float[np.ndarray, " cams"]:
+        """Mean misfit of each view over the frames (half heights); NaN where it says nothing."""
+        each = self.every if chosen is None else chosen
+        found = np.stack([frame_misfits(frame, each, misses) for frame in self.frames])
+        count = np.isfinite(found).sum(0)
+        return np.where(count > 0, np.nansum(found, 0) / np.maximum(count, 1), np.nan)
+
+    def misfit(self, chosen: Bool[np.ndarray, " cams"] | None = None, misses: int = 0) -> float:
+        """Mean misfit of the views that say anything (half heights); zero where none does."""
+        found = self.by_view(chosen, misses)
+        return float(np.nanmean(found)) if np.isfinite(found).any() else 0.0
+
+    def with_masks(self, index: int, masks: Bool[np.ndarray, "frames rows columns"]) -> "Scene":
+        """The same scene with other silhouettes in one view; the person is looked for at the same place."""
+        every = self.masks.copy()
+        every[:, index] = masks
+        frames = tuple(
+            with_view(frame, index, outside(masks[f], self.sights[index], f, frame.near))
+            for f, frame in enumerate(self.frames)
+        )
+        return replace(self, masks=every, frames=frames)
+
+
+def make_scene(cameras: Cameras, masks: Bool[np.ndarray, "frames cams rows columns"]) -> Scene:
+    """Look at silhouettes of some frames, which are as large as the cameras say or padded at the right and bottom."""
+    samples = samples_around(cameras, masks)
+    sights = sights_of(cameras, masks.shape[3], samples)
+    misses = most_misses(len(cameras))
+    frames = tuple(
+        frame_evidence([outside(mask, sight, f, slice(None)) for mask, sight in zip(view, sights, strict=True)], misses)
+        for f, view in enumerate(masks)
+    )
+    return Scene(cameras, masks, samples, tuple(sights), frames, misses)
