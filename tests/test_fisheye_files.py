@@ -65,7 +65,8 @@ def test_sequence_files_hold_the_lens_models(tmp_path):
     write_recording(tmp_path / "again.npz", recording)
     assert same(read_recording(tmp_path / "again.npz").cameras, recording.cameras)
     same_rig(read_calibration(clip).cameras, recording.cameras)
-    np.savez(clip, **(arrays | {"fisheye": np.array([1, 0, 1], np.uint8)}))
+    arrays["fisheye"] = np.array([1, 0, 1], np.uint8)
+    np.savez(clip, **arrays)
     assert read_recording(clip).cameras.are_fisheye.tolist() == [True, False, True]
 
 
