@@ -178,7 +178,7 @@ def on_images(cameras: Cameras, right: Any, low: Any, depth: Any) -> tuple[Any, 
 
 def lens_slopes(cameras: Cameras, x: Any, y: Any) -> tuple[Any, Any, Any, Any]:
     """How u moves with x and y, and how v does (px), where x and y are in units of the depth, cams x n."""
-    along_x, across, along_y = slopes(cameras.dist[:, :, None], _by_point(cameras.fisheye), x, y)
+    along_x, across, along_y = slopes(cameras.dist, _by_point(cameras.fisheye), x, y)
     K = cameras.K[:, :, :, None]
     return (
         K[:, 0, 0] * along_x + K[:, 0, 1] * across,

@@ -1,6 +1,7 @@
 """Fisheye lenses in files: read as other tools write them, written so that they are read back the same."""
 
 import re
+from typing import Any
 
 import cv2
 import numpy as np
@@ -56,7 +57,7 @@ def test_what_is_written_is_read_back(rig, tmp_path):
 def test_sequence_files_hold_the_lens_models(tmp_path):
     clip = recording_file(tmp_path)
     assert "fisheye" not in arrays_of(clip)
-    arrays = arrays_of(clip) | {"fisheye": np.array([True, False, True])}
+    arrays: dict[str, Any] = arrays_of(clip) | {"fisheye": np.array([True, False, True])}
     arrays["dist"] = np.vstack([np.pad(FISHEYES["mild"], (0, 4)), BARREL, np.pad(FISHEYES["strong"], (0, 4))])
     np.savez(clip, **arrays)
     recording = read_recording(clip)
@@ -64,7 +65,8 @@ def test_sequence_files_hold_the_lens_models(tmp_path):
     write_recording(tmp_path / "again.npz", recording)
     assert same(read_recording(tmp_path / "again.npz").cameras, recording.cameras)
     same_rig(read_calibration(clip).cameras, recording.cameras)
-    np.savez(clip, **(arrays | {"fisheye": np.array([1, 0, 1], np.uint8)}))
+    arrays["fisheye"] = np.array([1, 0, 1], np.uint8)
+    np.savez(clip, **arrays)
     assert read_recording(clip).cameras.are_fisheye.tolist() == [True, False, True]
 
 

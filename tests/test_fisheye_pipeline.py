@@ -195,7 +195,9 @@ def test_a_board_tells_where_fisheye_cameras_are(tmp_path):
     write_pose2sim_calibration(tmp_path / "Calib.toml", found.cameras)
     assert read_calibration(tmp_path / "Calib.toml").cameras.are_fisheye.all()
     with pytest.raises(ValueError, match="corners of the board are where its fisheye lens shows nothing"):
-        camera_pose(np.stack([u[0], v[0]], 1) + 900.0, BOARD, rig.K[0], np.array([-0.25, 0, 0, 0]), fisheye=True)
+        camera_pose(
+            np.stack([u[0], v[0]], 1) + 900.0, BOARD, np.asarray(rig.K[0]), np.array([-0.25, 0, 0, 0]), fisheye=True
+        )
 
 
 def near_ring(lens: list[float] | None) -> Cameras:
@@ -210,6 +212,7 @@ def test_poses_are_as_good_as_those_of_ordinary_lenses():
     scene = make_scene(8, fps=8 / 12, cameras=near_ring(FISHEYES["strong"]))
     poses = reconstruct(scene, with_known_body(scene))
     assert poses.has_pose.all()
+    assert scene.truth is not None
     away = 1e3 * np.linalg.norm(poses.joints - scene.truth.joints, axis=-1)
     # The bounds of `test_pipeline`.
     assert np.median(away) < 12
