@@ -95,7 +95,7 @@ def is_picture(path: Path) -> bool:
     """Whether a file begins as the images do that are read here."""
     try:
         with open(path, "rb") as file:
-            return is_known(file.read(8))
+            return is_known(file.read(12))
     except OSError:
         return False
 
