@@ -28,8 +28,9 @@ def claimed_size(content: bytes) -> tuple[int, int]:
 
 
 def is_known(start: bytes) -> bool:
-    """Whether a file with these first bytes is of a format that is known here."""
-    return start.startswith(tuple(_SIZES))
+    """Whether a file with these first 12 bytes is of a format that is known here."""
+    # An AVI is a RIFF, too.
+    return start.startswith(tuple(_SIZES)) and (not start.startswith(_RIFF) or start[8:12] == b"WEBP")
 
 
 def may_be_indexed(content: bytes) -> bool:

@@ -95,7 +95,7 @@ def is_picture(path: Path) -> bool:
     """Whether a file begins as the images do that are read here."""
     try:
         with open_regular(path) as file:
-            return is_known(file.read(8) or b"")
+            return is_known(file.read(12) or b"")
     except (ValueError, OSError):
         return False
 

@@ -58,6 +58,12 @@ def simple_cause(scene: Scene, culprits: Culprits, material: Material) -> Cause 
     return best if best and best.misfit <= culprits.before - _MENDED * culprits.excess else None
 
 
+def exchanged_views(scene: Scene, culprits: Culprits) -> Cause | None:
+    """Two views that have each other's images: of few views no rest agrees then."""
+    best = min(_exchanged(scene, culprits), key=lambda cause: cause.misfit, default=None)
+    return best if best and best.misfit <= (1 - _MENDED) * culprits.before else None
+
+
 def moved_cause(scene: Scene, culprits: Culprits, steps: Sequence[int], most: float) -> Cause | None:
     """The view whose images are moved, resized or rolled, if that explains enough of the contradiction.
 

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from .._recording import Recording
-from ._causes import MOST_PERSON, Cause, Material, moved_cause, out_of_step, simple_cause
+from ._causes import MOST_PERSON, Cause, Material, exchanged_views, moved_cause, out_of_step, simple_cause
 from ._culprits import CLEAR, Culprits, find_culprits
 from ._frames import telling_frames
 from ._plausible import Plausibility, plausibility, wrong_unit, wrong_up
@@ -124,9 +124,11 @@ def _contradictions(scene: Scene, material: Material, steps: list[int], names: t
         if explained > enough:
             cause = moved_cause(scene, culprits, steps, explained - _SIMPLER * culprits.excess) or cause
         return [_of_views(scene, culprits, cause, names)]
-    whole = rig_cause(scene)
-    if whole is not None:
+    cause, whole = exchanged_views(scene, culprits), rig_cause(scene)
+    if whole is not None and (cause is None or whole.misfit < cause.misfit):
         return [_of_rig(whole)]
+    if cause is not None:
+        return [_of_views(scene, culprits, cause, names)]
     if scene.misfit(misses=scene.misses) > _HOPELESS:
         told = (
             "the silhouettes contradict each other everywhere, whichever view is left out: is the calibration that of "
@@ -144,7 +146,7 @@ def _of_rig(cause: RigCause) -> Finding:
 
 
 def _of_views(scene: Scene, culprits: Culprits, cause: Cause | None, names: tuple[str, ...]) -> Finding:
-    rest = len(names) - len(culprits.views)
+    rest = len(names) - len(cause.views if cause else culprits.views)
     share = f"without {'it' if len(culprits.views) == 1 else 'them'} the misfit falls from {{0:.1f}} to {{1:.1f}} mm"
     half = 1e3 * float(np.nanmedian(scene.samples.half))
     figures = share.format(half * culprits.before, half * culprits.after)
@@ -159,7 +161,8 @@ def _of_views(scene: Scene, culprits: Culprits, cause: Cause | None, names: tupl
             f"{joined} contradict{'s' if len(guilty) == 1 or culprits.alike > 1 else ''} all others ({figures}): "
             "masks that miss a part of the person, another camera's images, or a camera that was moved"
         )
-    hopeless = rest < 3 and culprits.excess > _HOPELESS / 2
+    excess = culprits.before - (culprits.after if culprits.views else cause.misfit if cause else 0.0)
+    hopeless = rest < 3 and excess > _HOPELESS / 2
     return Finding(Severity.HOPELESS if hopeless else Severity.DOUBT, guilty, told)
 
 

@@ -23,8 +23,8 @@ from ._views import Sight
 
 MOST_MISFIT = 0.12
 """Misfits are cut off here, in half heights of the person: about 10 cm."""
-# A point counts where no more views than this rule it out, beyond those that may err: of all others no ray can be
-# explained, even without two suspects.
+# A point counts where no more views than this rule it out, beyond those that may err, and two do not: of all others no
+# ray can be explained, even without two suspects.
 _SPARE = 2
 
 
@@ -87,7 +87,8 @@ def frame_evidence(views: Sequence[Outside], misses: int = 0) -> FrameEvidence:
         known = np.zeros(len(view.area), bool)
         known[view.cell[view.seen & (count > enough)]] = True
         judged.append(known)
-    near = np.flatnonzero(((distance >= MOST_MISFIT).sum(0) <= _SPARE + misses) & (count > enough))
+    most = min(_SPARE + misses, len(views) - 2)
+    near = np.flatnonzero(((distance >= MOST_MISFIT).sum(0) <= most) & (count > enough))
     cell = np.stack([view.cell[near] for view in views])
     return FrameEvidence(distance[:, near], seen[:, near], cell, tuple(v.area for v in views), tuple(judged), near)
 

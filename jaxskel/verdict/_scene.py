@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from .._camera import Cameras
 from .._votes import most_misses
@@ -45,6 +45,14 @@ class Scene(eqx.Module):
         """Mean misfit of the views that say anything (half heights); zero where none does."""
         found = self.by_view(chosen, misses)
         return float(np.nanmean(found)) if np.isfinite(found).any() else 0.0
+
+    def at(self, frames: Int[np.ndarray, " some"]) -> "Scene":
+        """Some of the frames."""
+        samples = self.samples
+        samples = Samples(samples.middle[frames], samples.half[frames], samples.points)
+        sights = tuple(Sight(s.pixel[frames], s.breadth[frames], s.side[frames]) for s in self.sights)
+        chosen = tuple(self.frames[f] for f in frames)
+        return replace(self, masks=self.masks[frames], samples=samples, sights=sights, frames=chosen)
 
     def with_masks(self, index: int, masks: Bool[np.ndarray, "frames rows columns"]) -> "Scene":
         """The same scene with other silhouettes in one view; the person is looked for at the same place."""
