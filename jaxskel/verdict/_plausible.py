@@ -12,7 +12,7 @@ from ._scene import Scene
 from ._views import POINTS
 
 # Litres of a hull, and half of its largest extent (m). A child of three years has 14 litres, and 0.25 m when it
-# crouches; hulls are a fifth fatter than bodies. Small volumes alone say nothing: holes in masks are tunnels through it.
+# crouches; hulls are a fifth fatter than bodies. Small volumes alone say nothing: holes in masks make tunnels.
 _LEAST_VOLUME, _LEAST_HALF = 8.0, 0.3
 # A heavy man's hull by three cameras has 300 litres, and four people who stood together made 880 in one piece. Large
 # extents alone say nothing: people stand far apart.
