@@ -129,7 +129,7 @@ def _contradictions(scene: Scene, material: Material, steps: list[int], names: t
         return [_of_rig(whole)]
     if cause is not None:
         return [_of_views(scene, culprits, cause, names)]
-    tolerant = scene.typical_misfit(scene.misses)
+    tolerant = scene.misfit(misses=scene.misses)
     if tolerant > _HOPELESS:
         told = (
             "the silhouettes contradict each other everywhere, whichever view is left out: is the calibration that of "

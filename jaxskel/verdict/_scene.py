@@ -11,6 +11,9 @@ from .._votes import most_misses
 from ._misfit import FrameEvidence, frame_evidence, frame_misfits, outside, with_view
 from ._views import Samples, Sight, samples_around, sights_of
 
+# Share of the frames that count: in the others a mask may be of somebody else, as in one of eight of the real child's.
+_KEPT = 0.75
+
 
 class Scene(eqx.Module):
     """Some frames of a recording at a reduced size, seen by all views."""
@@ -34,24 +37,24 @@ class Scene(eqx.Module):
         chosen[list(views)] = False
         return chosen
 
-    def by_view(self, chosen: Bool[np.ndarray, " cams"] | None = None, misses: int = 0) -> Float[np.ndarray, " cams"]:
-        """Mean misfit of each view over the frames (half heights); NaN where it says nothing."""
-        each = self.every if chosen is None else chosen
-        found = np.stack([frame_misfits(frame, each, misses) for frame in self.frames])
-        count = np.isfinite(found).sum(0)
-        return np.where(count > 0, np.nansum(found, 0) / np.maximum(count, 1), np.nan)
+    def by_view(self) -> Float[np.ndarray, " cams"]:
+        """Misfit of each view in the frame in the middle, from its best to its worst (half heights); NaN without one."""
+        found = np.stack([frame_misfits(frame, self.every) for frame in self.frames])
+        return np.array([np.median(each[np.isfinite(each)]) if np.isfinite(each).any() else np.nan for each in found.T])
 
     def misfit(self, chosen: Bool[np.ndarray, " cams"] | None = None, misses: int = 0) -> float:
-        """Mean misfit of the views that say anything (half heights); zero where none does."""
-        found = self.by_view(chosen, misses)
-        return float(np.nanmean(found)) if np.isfinite(found).any() else 0.0
+        """Mean misfit of the views that say anything, but for the worst frames (half heights); zero where none does.
 
-    def typical_misfit(self, misses: int) -> float:
-        """Misfit of the frame in the middle, from the best to the worst (half heights): some may be spoilt."""
-        found = [
-            np.nanmean(each) for f in self.frames if np.isfinite(each := frame_misfits(f, self.every, misses)).any()
-        ]
-        return float(np.median(found)) if found else 0.0
+        Args:
+            chosen: Views that count; all of them by default.
+            misses: As many views may err at any point.
+        """
+        each = self.every if chosen is None else chosen
+        found = np.stack([frame_misfits(frame, each, misses) for frame in self.frames])
+        there = np.isfinite(found)
+        frames = np.where(there, found, 0).sum(1)[there.any(1)] / there.sum(1)[there.any(1)]
+        kept = int(np.ceil(_KEPT * len(frames)))
+        return float(np.sort(frames)[:kept].mean()) if kept else 0.0
 
     def at(self, frames: Int[np.ndarray, " some"]) -> "Scene":
         """Some of the frames."""
