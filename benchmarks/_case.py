@@ -23,6 +23,11 @@ FPS = 30.0
 """Of all folders of masks: nothing in them says it."""
 # A command that takes longer (s) is taken to hang: the slowest compiles, a minute on a busy machine.
 _PATIENCE = 240.0
+SOON = 60.0
+"""What is refused is refused within this time (s), start-up on a busy machine included."""
+PAPER = ("--preset", "paper")
+WALK = "batch_deletes_input/walk"
+"""A recording of two frames that several cases use."""
 # The case whose masks and calibration are as they should be. Others were made of it.
 _GOOD = "words_clean"
 
@@ -101,7 +106,7 @@ def wanted(holds: object, told: str) -> None:
         raise NotAsExpected(told)
 
 
-def refused(case: Case, *arguments: object, says: str = "", seconds: float = 60.0) -> str:
+def refused(case: Case, *arguments: object, says: str = "", seconds: float = SOON) -> str:
     """A command must end with exit code 2 and one line on standard error, and write and remove nothing.
 
     Returns:
@@ -171,7 +176,7 @@ def _good_joints(root: Path, place: Path) -> Float[np.ndarray, "F 15 3"]:
     scene = good_scene(root)
     recording = Recording(scene.cameras, pack_silhouettes(scene.masks), FPS, "+Z", np.arange(len(scene.masks)))
     write_recording(place / "good.npz", recording)
-    done = jaxskel(Case(place, root), "run", "good.npz", "-o", "good", "--preset", "paper")
+    done = jaxskel(Case(place, root), "run", "good.npz", "-o", "good", *PAPER)
     wanted(done.code == 0, f"the good scene gives no poses: {done.last}")
     return read_poses(place / "good/poses.npz").joints
 

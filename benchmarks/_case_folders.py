@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable
 
 import numpy as np
-from _case import FPS, Act, Case, Rows, good_joints, good_scene, jaxskel, refused, wanted
+from _case import FPS, PAPER, Act, Case, Rows, good_joints, good_scene, jaxskel, refused, wanted
 from _case_rigs import aligned, difference
 
 from jaxskel import Recording, unpack_silhouettes
@@ -74,7 +74,7 @@ def _ended(case: Case) -> tuple[str, bool]:
     """How `check` and `run` end: in words, and whether both told of a doubt."""
     check = jaxskel(case, "check", ".", "-o", "check.png")
     found = [line for line in check.out.splitlines() if line.startswith(("doubt: ", "wrong: "))]
-    run = jaxskel(case, "run", ".", "-o", "poses", "--preset", "paper")
+    run = jaxskel(case, "run", ".", "-o", "poses", *PAPER)
     words = f"check {check.code}, run {run.code}"
     if found:
         words += f" ({found[0]})"
@@ -95,7 +95,7 @@ def near_poses(writes: str, *never: str) -> Act:
         for key in never:
             wanted(f"{key} =" not in text, f"init writes {key}")
         words, _ = _ended(case)
-        wanted((case.path / "poses/poses.npz").exists(), f"no poses: {words}")
+        wanted(words == "check 0, run 0", f"{writes}; {words}")  # what is mended is good
         median, worst = _away(case)
         told = f"{writes}; {words}; joints {1e3 * median:.0f} mm away, at most {1e3 * worst:.0f}"
         wanted(median < _NEAR, told)

@@ -14,11 +14,12 @@ import tempfile
 from pathlib import Path
 
 from _case import Act, Case, NotAsExpected, Rows, copied
+from _case_batches import BATCHES
 from _case_commands import COMMANDS
 from _case_folders import FOLDERS
 from _case_rigs import RIGS
 
-KNOWN: Rows = RIGS | FOLDERS | COMMANDS
+KNOWN: Rows = RIGS | FOLDERS | BATCHES | COMMANDS
 
 
 def _unknown(case: Case) -> str:

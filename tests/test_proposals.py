@@ -84,6 +84,9 @@ def test_what_was_done_to_the_images_is_written_and_said(tmp_path, change, size,
     assert "cam1, cam2, cam3, cam4, cam5: images are" in doubt
     assert "px, calibrated are" in doubt
     assert table["up"] == "+Z"
+    turns = read_recording(tmp_path).turns
+    assert turns is not None
+    assert turns.tolist() == [keys.get("turn", 0)] * len(NAMES)
     assert "# CHECK: " in (tmp_path / "recording.toml").read_text()
 
 
