@@ -10,6 +10,7 @@ from . import metrics as metrics
 from . import parametrisations as parametrisations
 from . import synthetic as synthetic
 from . import terms as terms
+from . import verdict as verdict
 from ._banded import BandedEquations as BandedEquations
 from ._banded import sequence_solver as sequence_solver
 from ._body import Body as Body

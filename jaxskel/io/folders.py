@@ -14,6 +14,7 @@ crop = [0, 27]                   # if they were cut: where their first pixel lie
 scale = 0.5                      # if they were scaled: image px for each calibrated px, or [across, down]
 calibrated_size = [1088, 1920]   # size of the calibrated images (px), if these were cut at right or bottom only
 masks = "masks/cam01"            # folder of images, video, or an archive of arrays, "masks.npz:cam01"
+person = [2, 18]                 # values of the masks that are the person, if not all but 0; or colours, [[255, 0, 0]]
 # images = "cam01.mp4"           # or, in colour, folder of images or video, with one of these backgrounds:
 # plate = "empty01.mp4"          #   the empty scene: image, folder or video
 # median = true                  #   what the images show most of the time
