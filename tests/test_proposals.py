@@ -167,7 +167,11 @@ def test_words_do_not_leave_nothing(tmp_path, place):
 
 
 def test_masks_go_before_pictures_whatever_they_are_called(tmp_path):
-    coloured = lambda image: np.where(image[..., None] > 0, np.uint8([60, 70, 200]), np.uint8([40, 180, 50]))  # noqa: E731
+    def coloured(image: np.ndarray) -> np.ndarray:
+        picture = np.where(image[..., None] > 0, np.uint8([60, 70, 200]), np.uint8([40, 180, 50]))
+        picture[..., 0] += np.arange(image.shape[1], dtype=np.uint8) // 2  # light from one side
+        return picture
+
     undescribed(tmp_path, coloured, "masks/{}/{:06d}.png".format)
     undescribed(tmp_path, place="out/{}/{:06d}.png".format)
     assert proposed(tmp_path)[0]["views"]["cam1"]["masks"] == "out/cam1"
