@@ -199,11 +199,12 @@ def sound(folder) -> dict[str, np.ndarray]:
 def test_wrong_input_is_one_line_and_exit_code_2(tmp_path, sound, changes, key, command):
     broken = {name: value for name, value in (sound | changes).items() if value is not None}
     np.savez(tmp_path / "bad.npz", **broken)
-    done = jaxskel(command, "bad.npz", "-o", "out", cwd=tmp_path)
+    output = "out.png" if command == "check" else "out"
+    done = jaxskel(command, "bad.npz", "-o", output, cwd=tmp_path)
     assert done.returncode == 2
     assert len(done.stderr.strip().splitlines()) == 1
     assert f"bad.npz: key '{key}'" in done.stderr
-    assert not (tmp_path / "out").exists()
+    assert not (tmp_path / output).exists()
 
 
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04 truncated", b"time,x,y\n0,1,2\n"])
@@ -261,7 +262,7 @@ def test_calibrate_body_writes_a_subject_and_says_so(tmp_path):
 
 @pytest.mark.parametrize(
     ("options", "why"),
-    [(("-o", "."), "must be a file"), (("--frames", 3), "8"), ((), "8 or more")],
+    [(("-o", "."), "must be a file"), (("--frames", 3), "8"), (("-o", "few.toml"), "8 or more")],
 )
 def test_calibrate_body_refuses_what_it_cannot_do(folder, options, why):
     # Six frames, of which one is empty, are too few.

@@ -253,7 +253,7 @@ def test_table_has_a_row_for_each_recording_and_the_total():
     poses[1, ARMS] = poses[1, np.array(MIRROR_JOINTS)[ARMS]]
     poses[0] = np.nan
     table = score_table({"13_17": score(poses, truth()), "13_18": score(truth(12), truth(12))})
-    rows = list(zip(*(column.cells for column in table.columns), strict=True))
+    rows = list(zip(*([str(cell) for cell in column.cells] for column in table.columns), strict=True))
     # Columns: recording, frames, no pose, the limbs, all 15, median; second lines forgive swaps.
     assert rows[0][:3] == ("13_17", "4", "1")
     limbs = dict(zip(LIMBS, rows[0][3:8], strict=True))

@@ -71,7 +71,7 @@ def test_grid_contains_the_body(body):
     "body", [person(), person(0.3, -0.2), person(arm=(0.0, 1.0, 0.0)), person(arm=(0.0, 0.3, 0.95))]
 )
 def test_in_images_of_any_size_the_grid_contains_the_body_and_the_hull_of_it(height, body):
-    cameras = ring(8, size=(height * 4 // 3, height), focal=1.35 * height)
+    cameras = ring(8, size=(height * 4 // 3, height), focal=1.1 * height)
     silhouettes = film(cameras, [body])
     inside = unpack_silhouettes(silhouettes[0], 8 * silhouettes.shape[3])
     assert not inside[:, [0, 1, height - 2, height - 1]].any(), "the person is whole in every view"

@@ -19,6 +19,7 @@ from jaxskel.cli import _calibrate_cameras, _check, _refine_cameras
 from jaxskel.cli._say import cell, say, warn
 from jaxskel.io import read_recording, write_poses, write_recording, write_trc
 from jaxskel.metrics import score, score_table
+from jaxskel.verdict import Verdict
 
 NAMES = {
     "[red]x": "[red]x",
@@ -62,7 +63,9 @@ def test_in_every_table(name, wanted):
     tables = (
         _calibrate_cameras._table(board),
         _refine_cameras.refinement_table(refined),
-        _check._table(cameras.names, np.ones((1, 3)), np.zeros((1, 3)), np.zeros((1, 3), bool)),
+        _check._table(
+            cameras.names, np.ones((1, 3)), np.zeros((1, 3)), np.zeros((1, 3), bool), Verdict((), figures, None, 1)
+        ),
         score_table({name: score(truth, truth)}),
     )
     for table in tables:

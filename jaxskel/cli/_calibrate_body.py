@@ -11,6 +11,8 @@ from .._calibrate_body import FRAMES, STAGES, CalibratedBody
 from .._calibrate_body import calibrate_body as found_body
 from .._settings import Settings
 from ..io import read_recording, write_subject
+from ..io._ours import is_ours
+from ..io.folders import SUBJECT_FILE
 from ._outputs import chosen_file, files_of
 from ._progress import progress_bar
 from ._run import MaxMisses, Preset, Recorded, Spacing, make_settings
@@ -29,7 +31,9 @@ def calibrate_body(
 ) -> None:
     """Find the subject's bone lengths and radii from the silhouettes; dimensions in the recording are not looked at."""
     settings = make_settings(Preset.DEFAULT, spacing, max_misses, None)
-    output = chosen_file(output, "subject.toml", files_of(source), (".toml",))
+    # Dimensions that an earlier run found are not looked at, so they may be replaced.
+    inputs = [path for path in files_of(source) if not (path.name == SUBJECT_FILE and is_ours(path))]
+    output = chosen_file(output, SUBJECT_FILE, inputs, (".toml",))
     recording = read_recording(source)
     progress, task = progress_bar(STAGES[0], len(STAGES))
     with progress:

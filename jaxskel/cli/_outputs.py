@@ -69,10 +69,10 @@ def check_output_file(path: Path, inputs: Iterable[Path] = (), suffixes: Sequenc
     Raises:
         ValueError: One line that names the file.
     """
+    check_replaceable(path)
     if suffixes and path.suffix.lower() not in suffixes:
         known = " or ".join((", ".join(suffixes[:-1]), suffixes[-1])) if len(suffixes) > 1 else suffixes[0]
         raise ValueError(f"{path}: its name decides how it is written; give one that ends in {known}")
-    check_replaceable(path)
     _check_apart(path, inputs)
     check_writable(path)
 

@@ -221,10 +221,10 @@ def _rate(folder: Path, frames: dict[str, Frames]) -> float:
 
 
 def _shows_masks(folder: Path, found: ViewSet) -> bool:
-    """Whether the first view of a set has masks; not, where it cannot be read."""
+    """Whether the first view of a set has masks; not, where it cannot be read, or would have to be asked about."""
     name, text = next(iter(found.sources.items()))
     try:
-        return not rule_of(_opened(folder, name, text)).is_picture
+        return rule_of(_opened(folder, name, text)).matte is not None
     except ValueError:
         return False
 

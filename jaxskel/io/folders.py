@@ -53,7 +53,7 @@ from ._archive import fault
 from ._changed_images import calibrated_size, missing_sizes, read_change
 from ._toml import check_known, read_toml
 from ._view_table import number, rate, read_view, text
-from .calibrations import contents_of, validated
+from .calibrations import contents_of, not_posed, validated
 from .subject import read_subject
 from .views import View, ViewSilhouettes
 
@@ -150,6 +150,8 @@ def _calibrated(path: Path, table: dict[str, Any], views: list[View]) -> tuple[C
         validated(source, contents, unit, None)  # says what is wrong
     entries = {entry.name: entry for entry in contents.entries}
     for name, view in zip(names, views, strict=True):
+        if name in contents.unposed:
+            raise fault(path, f"views.{view.name}", f"camera {name}: {not_posed(contents.format)}")
         if name not in entries:
             raise fault(
                 path, f"views.{view.name}.camera",

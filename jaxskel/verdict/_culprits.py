@@ -14,6 +14,8 @@ CLEAR = 0.002
 # What is left of the misfit without the culprit, at most: with it gone the rest agrees. Of dirty masks, in which all
 # views have holes, no view alone makes so large a difference (0.75 and up).
 _LEFT = 0.45
+# Of several culprits less is left: each view that is left out makes any misfit smaller, even of dirty masks.
+_LEFT_BY_SEVERAL = 0.15
 # Another view that makes nearly as large a difference may be the culprit too.
 _NEARLY = 0.25
 # As many are given as possible culprits, most likely first.
@@ -59,9 +61,11 @@ def find_culprits(scene: Scene) -> Culprits:
             alike = int((left[order[:_SUSPECTS]] <= left.min() + _NEARLY * max(before - left.min(), 0.0)).sum())
         gone.append(int(order[0]))
         after = float(left.min())
-        if after <= _LEFT * before:
+        if after <= (_LEFT if len(gone) == 1 else _LEFT_BY_SEVERAL) * before:
             break
-    if not gone or after > _LEFT * before or before - after < CLEAR:
+    else:
+        gone = []
+    if not gone or before - after < CLEAR:
         return Culprits((), suspects, 0, before, before)
     return Culprits(tuple(gone), suspects, alike if len(gone) == 1 else 0, before, after)
 

@@ -129,13 +129,14 @@ def _contradictions(scene: Scene, material: Material, steps: list[int], names: t
         return [_of_rig(whole)]
     if cause is not None:
         return [_of_views(scene, culprits, cause, names)]
-    if scene.misfit(misses=scene.misses) > _HOPELESS:
+    tolerant = scene.typical_misfit(scene.misses)
+    if tolerant > _HOPELESS:
         told = (
             "the silhouettes contradict each other everywhere, whichever view is left out: is the calibration that of "
             "these views, and are they of one moment?"
         )
         return [Finding(Severity.HOPELESS, (), told)]
-    if scene.misfit(misses=scene.misses) > CLEAR:
+    if tolerant > CLEAR:
         told = "no view fits the others well: masks have holes or blobs, or the calibration is poor"
         return [Finding(Severity.DOUBT, (), told)]
     return []

@@ -11,11 +11,12 @@ from .._upright import upright
 from ._scene import Scene
 from ._views import POINTS
 
-# Litres of a hull. A child of three years has 14, and hulls are a fifth fatter than bodies; a heavy man's hull by three
-# cameras has 300, and four people who stand together made 880 in one piece.
-_LEAST_VOLUME, _MOST_VOLUME = 6.0, 1500.0
-# Half of a person's largest extent (m): a crouching child and a giant with his arms up, or a few people side by side.
-_LEAST_HALF, _MOST_HALF = 0.2, 2.6
+# Litres of a hull, and half of its largest extent (m). A child of three years has 14 litres, and 0.25 m when it
+# crouches; hulls are a fifth fatter than bodies. Small volumes alone say nothing: holes in masks make tunnels.
+_LEAST_VOLUME, _LEAST_HALF = 8.0, 0.3
+# A heavy man's hull by three cameras has 300 litres, and four people who stood together made 880 in one piece. Large
+# extents alone say nothing: people stand far apart.
+_MOST_VOLUME, _LARGE_VOLUME, _MOST_HALF = 1500.0, 600.0, 2.6
 # Units that a calibration may have been meant in, by metres of one of them.
 _UNITS = {"millimetres": 0.001, "centimetres": 0.01, "inches": 0.0254, "feet": 0.3048, "decimetres": 0.1}
 _USUAL_HALF = 0.8
@@ -51,7 +52,9 @@ def plausibility(scene: Scene) -> Plausibility:
 
 def wrong_unit(found: Plausibility) -> str | None:
     """What tells that lengths are not metres."""
-    if _LEAST_HALF <= found.half <= _MOST_HALF and _LEAST_VOLUME <= found.litres <= _MOST_VOLUME:
+    small = found.half < _LEAST_HALF and found.litres < _LEAST_VOLUME
+    large = found.litres > _MOST_VOLUME or (found.half > _MOST_HALF and found.litres > _LARGE_VOLUME)
+    if not (small or large):
         return None
     told = (
         f"what the silhouettes show is {2 * found.half:.2g} m large and has {found.litres:.3g} litres, seen from "

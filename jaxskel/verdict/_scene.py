@@ -46,6 +46,13 @@ class Scene(eqx.Module):
         found = self.by_view(chosen, misses)
         return float(np.nanmean(found)) if np.isfinite(found).any() else 0.0
 
+    def typical_misfit(self, misses: int) -> float:
+        """Misfit of the frame in the middle, from the best to the worst (half heights): some may be spoilt."""
+        found = [
+            np.nanmean(each) for f in self.frames if np.isfinite(each := frame_misfits(f, self.every, misses)).any()
+        ]
+        return float(np.median(found)) if found else 0.0
+
     def at(self, frames: Int[np.ndarray, " some"]) -> "Scene":
         """Some of the frames."""
         samples = self.samples

@@ -3,6 +3,7 @@
 from ._calibration import Calibration as Calibration
 from ._calibration import Contents as Contents
 from ._calibration import choose_views as choose_views
+from ._calibration import not_posed as not_posed
 from ._calibration import validated as validated
 from ._easymocap import write_easymocap_calibration as write_easymocap_calibration
 from ._read import beside as beside

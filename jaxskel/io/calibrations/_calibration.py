@@ -117,7 +117,7 @@ def choose_views(calibration: Calibration, views: Sequence[str]) -> Calibration:
     lost = [view for view in views if view not in names]
     if set(lost) & set(calibration.unposed):
         name = next(view for view in lost if view in calibration.unposed)
-        raise ValueError(f"camera {name}: {_not_posed(calibration.format)}")
+        raise ValueError(f"camera {name}: {not_posed(calibration.format)}")
     if lost or len(set(views)) != len(views):
         raise ValueError(
             f"views {', '.join(lost or views)}: name each view once, after its camera; the calibration "
@@ -126,7 +126,8 @@ def choose_views(calibration: Calibration, views: Sequence[str]) -> Calibration:
     return replace(calibration, cameras=calibration.cameras[[names.index(view) for view in views]])
 
 
-def _not_posed(kind: str) -> str:
+def not_posed(kind: str) -> str:
+    """What is wrong with a camera that its file has no pose of."""
     ignore = " and ignore the camera (ignore = true)" if kind.startswith("Caliscope") else ""
     return (
         f"was not posed: {kind} gives it no rotation or no translation; calibrate it with the others, or leave out "
@@ -179,7 +180,7 @@ def _sizes(path: Path, contents: Contents, given: Mapping[str, tuple[int, int]])
     names = [entry.name for entry in contents.entries]
     for name in given:
         if name in contents.unposed:
-            raise camera_fault(path, name, _not_posed(contents.format))
+            raise camera_fault(path, name, not_posed(contents.format))
         if name not in names:
             raise camera_fault(path, name, f"sizes names it, but the file has {', '.join(names)}; match the names")
     found = []
