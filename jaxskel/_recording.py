@@ -36,6 +36,9 @@ class Recording(eqx.Module):
     """The subject's dimensions, if known."""
     truth: Truth | None = None
     name: str = "recording"
+    turns: Int[np.ndarray, " cams"] | None = None
+    """By how much the images of each camera were turned after it was calibrated (degrees, clockwise), where that is
+    known. Cameras are those of the images as they are."""
 
     def __len__(self) -> int:
         return len(self.silhouettes)
@@ -47,7 +50,7 @@ class Recording(eqx.Module):
             truth = Truth(truth.joints[index], None if truth.tips is None else truth.tips[index])
         return Recording(
             self.cameras, self.silhouettes[index], self.fps, self.up, self.frame_index[index], self.skeleton,
-            truth, self.name,
+            truth, self.name, self.turns,
         )  # fmt: skip
 
 

@@ -259,3 +259,15 @@ def test_inputs_that_are_no_regular_files_are_refused_and_not_read(tmp_path, mon
     os.mkfifo(tmp_path / "x.npz")
     found = reconstruct_one(Source("x", tmp_path / "x.npz"), tmp_path / "out", METHOD)
     assert "no regular file" in str(found.problem)
+
+
+def test_a_recording_toml_that_would_take_hours_is_refused_as_it_is_by_run(tmp_path, monkeypatch):
+    """The files of a recording are found by the same bounded reader as reads it."""
+    batches = fake(monkeypatch)
+    (tmp_path / "r").mkdir()
+    root = write_folder(tmp_path / "r")
+    (root / "recording.toml").write_text((root / "recording.toml").read_text() + "a." * 40_000 + "a = 1\n")
+    with pytest.raises(ValueError, match="recording.toml: ") as error:
+        METHOD.read(root)
+    found = reconstruct_one(Source("r", root), tmp_path / "out", METHOD)
+    assert (found.outcome, found.problem, batches) == (Outcome.FAILED, str(error.value), [])

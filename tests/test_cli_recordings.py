@@ -80,7 +80,7 @@ def test_refined_cameras_can_be_used_in_place_of_the_given_ones(folder):
 
 @pytest.mark.parametrize(
     ("options", "why"),
-    [(("-o", "refined.yml"), ".toml or .npz"), (("--rotation", 0), "above zero"), (("--frames", 0), "frames")],
+    [(("-o", "refined.yml"), ".toml or .npz"), (("--rotation", 0), "--rotation 0: give"), (("--frames", 0), "frames")],
 )
 def test_refine_cameras_refuses(folder, options, why):
     jaxskel("init", folder, "--fps", 25, cwd=folder)

@@ -84,6 +84,9 @@ def test_what_was_done_to_the_images_is_written_and_said(tmp_path, change, size,
     assert "cam1, cam2, cam3, cam4, cam5: images are" in doubt
     assert "px, calibrated are" in doubt
     assert table["up"] == "+Z"
+    turns = read_recording(tmp_path).turns
+    assert turns is not None
+    assert turns.tolist() == [keys.get("turn", 0)] * len(NAMES)
     assert "# CHECK: " in (tmp_path / "recording.toml").read_text()
 
 
@@ -164,7 +167,11 @@ def test_words_do_not_leave_nothing(tmp_path, place):
 
 
 def test_masks_go_before_pictures_whatever_they_are_called(tmp_path):
-    coloured = lambda image: np.where(image[..., None] > 0, np.uint8([60, 70, 200]), np.uint8([40, 180, 50]))  # noqa: E731
+    def coloured(image: np.ndarray) -> np.ndarray:
+        picture = np.where(image[..., None] > 0, np.uint8([60, 70, 200]), np.uint8([40, 180, 50]))
+        picture[..., 0] += np.arange(image.shape[1], dtype=np.uint8) // 2  # light from one side
+        return picture
+
     undescribed(tmp_path, coloured, "masks/{}/{:06d}.png".format)
     undescribed(tmp_path, place="out/{}/{:06d}.png".format)
     assert proposed(tmp_path)[0]["views"]["cam1"]["masks"] == "out/cam1"

@@ -17,6 +17,8 @@ from spoilt_rigs import (
     with_view,
 )
 
+from jaxskel._image_change import TURNS, ImageChange, with_images_changed
+from jaxskel._upright import upright
 from jaxskel.verdict import Severity, judge
 
 GUILTY = 2
@@ -93,6 +95,29 @@ def test_an_up_axis_that_the_cameras_contradict_is_doubted_with_the_right_one(re
     (finding,) = judge(replace(recording, up=up)).findings
     assert finding.severity is Severity.DOUBT
     assert 'up = "+Z"' in finding.told
+
+
+def test_cameras_whose_images_are_known_to_be_turned_stand_as_they_did_before(recording):
+    cameras, turn = recording.cameras, ImageChange(turn=180)
+    sizes = [(float(w), float(h)) for w, h in cameras.size]
+    turned = with_images_changed(cameras, [turn] * len(cameras), sizes, cameras.size)
+    images = replace(with_masks(recording, masks_of(recording)[..., ::-1, ::-1]), cameras=turned)
+    (finding,) = judge(images).findings
+    assert 'up = "-Z"' in finding.told
+    known = replace(images, turns=np.full(len(cameras), 180))
+    assert judge(known).findings == ()
+    assert np.array_equal(known[:3].turns, known.turns)
+    (finding,) = judge(replace(known, up="+X")).findings
+    assert "the cameras stand upright" in finding.told
+
+
+@pytest.mark.parametrize("turn", TURNS)
+def test_up_before_images_were_turned_is_up_as_they_were_calibrated(recording, turn):
+    cameras = recording.cameras
+    sizes = [(float(w), float(h)) for w, h in cameras.size]
+    turned = with_images_changed(cameras, [ImageChange(turn=turn)] * len(cameras), sizes, cameras.size)
+    found = upright(turned, np.full(len(cameras), turn))
+    np.testing.assert_allclose(found, upright(cameras), atol=1e-12)
 
 
 @pytest.mark.parametrize("cameras", [3, 4, 8])

@@ -100,7 +100,7 @@ def described_recording(path: Path, table: dict[str, Any], views: list[View], in
     Raises:
         ValueError: As `read_folder` does.
     """
-    cameras, up = _calibrated(path, table, views)
+    cameras, up, turns = _calibrated(path, table, views)
     first, last = described_span(path, table, views)
     if last - first >= _MOST_FRAMES:
         raise fault(
@@ -123,6 +123,7 @@ def described_recording(path: Path, table: dict[str, Any], views: list[View], in
         frame_index=numbers,
         skeleton=None if subject is None else read_subject(_beside(path, "subject", subject)),
         name=path.parent.resolve().name,
+        turns=turns,
     )
 
 
@@ -135,8 +136,8 @@ def _views(path: Path, table: dict[str, Any]) -> dict[str, Mapping[str, Any]]:
     return views
 
 
-def _calibrated(path: Path, table: dict[str, Any], views: list[View]) -> tuple[Cameras, str]:
-    """The cameras in the order of the views, under their names and with the sizes of their images; and the up axis."""
+def _calibrated(path: Path, table: dict[str, Any], views: list[View]) -> tuple[Cameras, str, np.ndarray]:
+    """The cameras in the order of the views, under their names and with the sizes of their images; up; and turns."""
     source = _beside(path, "calibration", table.get("calibration"))
     unit = number(path, "unit", table["unit"], "metres per unit", 1e-9, 1e3) if "unit" in table else None
     tables = table["views"]
@@ -175,7 +176,7 @@ def _calibrated(path: Path, table: dict[str, Any], views: list[View]) -> tuple[C
     if up not in UP_AXES:
         told = f"{source.name} does not say which axis points up" if up is None else f"is {reprlib.repr(up)}"
         raise fault(path, "up", f"{told}; give one of {', '.join(UP_AXES)}")
-    return cameras, up
+    return cameras, up, np.array([change.turn for change in changes])
 
 
 def described_span(path: Path, table: dict[str, Any], views: list[View]) -> tuple[int, int]:

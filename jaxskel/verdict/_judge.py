@@ -98,7 +98,7 @@ def judge(recording: Recording, thorough: bool = False) -> Verdict:
         findings += _steps(scene, material, names)
     figures = plausibility(scene)
     if not any(finding.severity is Severity.HOPELESS for finding in findings):
-        unit, up = wrong_unit(figures), wrong_up(scene, recording.up)
+        unit, up = wrong_unit(figures), wrong_up(scene, recording.up, recording.turns)
         findings += [Finding(Severity.HOPELESS, (), unit)] if unit else []
         findings += [Finding(Severity.DOUBT, (), up)] if up else []
     findings.sort(key=lambda finding: -finding.severity)

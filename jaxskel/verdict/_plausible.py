@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy import ndimage
 
 from .._recording import UP_AXES
@@ -70,16 +70,16 @@ def wrong_unit(found: Plausibility) -> str | None:
     return told
 
 
-def wrong_up(scene: Scene, up: str) -> str | None:
-    """What the cameras' own upright says against the world's up axis."""
-    direction = upright(scene.cameras)
-    length = np.linalg.norm(direction)
-    if length < _AGREED:
+def wrong_up(scene: Scene, up: str, turns: Int[np.ndarray, " cams"] | None) -> str | None:
+    """What the cameras' own upright says against the world's up axis.
+
+    Where images were turned, cameras may stand upright in them as they are or as they were: one is enough.
+    """
+    means = [upright(scene.cameras), upright(scene.cameras, turns)]
+    agreed = [mean / np.linalg.norm(mean) for mean in means if np.linalg.norm(mean) >= _AGREED]
+    if not agreed or any(_direction(up) @ direction >= _SAME for direction in agreed):
         return None
-    axes = {axis: _direction(axis) @ direction / length for axis in UP_AXES}
-    best = max(axes, key=lambda axis: axes[axis])
-    if axes[up] >= _SAME:
-        return None
+    best = max(UP_AXES, key=lambda axis: _direction(axis) @ agreed[0])
     return (
         f'up is {up}, but the cameras stand upright with {best} up: up = "{best}" in recording.toml, unless they '
         "were mounted that way"
