@@ -38,7 +38,7 @@ class Scene(eqx.Module):
         return chosen
 
     def by_view(self) -> Float[np.ndarray, " cams"]:
-        """Misfit of each view in the frame in the middle, from its best to its worst (half heights); NaN without one."""
+        """Median misfit of each view over the frames (half heights); NaN where it says nothing."""
         found = np.stack([frame_misfits(frame, self.every) for frame in self.frames])
         return np.array([np.median(each[np.isfinite(each)]) if np.isfinite(each).any() else np.nan for each in found.T])
 
