@@ -84,6 +84,13 @@ def test_a_film_that_stands_still_is_named(recording):
     assert any(f.views == (recording.cameras.names[GUILTY],) and "same silhouette" in f.told for f in findings)
 
 
+def test_of_five_mirrored_views_four_agree_but_all_are_named():
+    recording = good(5, 12)
+    (finding,) = judge(with_masks(recording, masks_of(recording)[..., ::-1])).findings
+    assert finding.severity is Severity.HOPELESS
+    assert "every view is mirrored" in finding.told
+
+
 def test_exchanged_views_are_both_named(recording):
     (finding,) = judge(exchanged(recording, 1, 4)).findings
     assert finding.views == (recording.cameras.names[1], recording.cameras.names[4])

@@ -23,8 +23,8 @@ _FRAMES = 8
 _QUIET, _HOPELESS = 0.002, 0.02
 # A repair without a size is believed unless one with a size leaves less of the contradiction by this share.
 _SIMPLER = 0.1
-# A fault of the whole rig does not leave so many views that agree.
-_MANY = 4
+# A fault of the whole rig does not leave so many views that agree; of five mirrored ones, four do.
+_MANY = 6
 # Where others change by less than this share of a silhouette between the frames looked at, one may well not change.
 _MOVING = 0.05
 # A view that is out of step by a few frames, of a person who hardly moves: the share of the misfit that goes with the

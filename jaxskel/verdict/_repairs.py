@@ -124,7 +124,7 @@ class Similarity:
         """
         if abs(self.scale - 1) > _RESIZED:
             return (
-                f"is resized: the person is {self.scale:.2g} times as large as the others say (scale in "
+                f"is resized: the person is about {self.scale:.2f} times as large as the others say (scale in "
                 "recording.toml, or the calibration of this image size)"
             )
         turned = np.degrees(np.hypot(np.arctan(np.hypot(self.right, self.down) / focal), self.roll))
