@@ -91,6 +91,12 @@ def test_of_five_mirrored_views_four_agree_but_all_are_named():
     assert "every view is mirrored" in finding.told
 
 
+def test_several_faults_at_once_are_no_secret(recording):
+    spoilt = with_view(exchanged(recording, 0, 3), 1, lambda m: m[:, :, ::-1])
+    (finding,) = judge(spoilt).findings
+    assert "no single view explains it" in finding.told or len(finding.views) > 1
+
+
 def test_exchanged_views_are_both_named(recording):
     (finding,) = judge(exchanged(recording, 1, 4)).findings
     assert finding.views == (recording.cameras.names[1], recording.cameras.names[4])
