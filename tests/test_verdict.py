@@ -167,6 +167,15 @@ def test_nobody_to_see_is_no_contradiction(recording):
     assert judge(with_masks(recording, masks)).findings == ()
 
 
+def test_somebody_who_comes_by_for_a_moment_is_found():
+    recording = good(4, 3)
+    masks = np.zeros((300, *masks_of(recording).shape[1:]), bool)
+    masks[150:153] = masks_of(recording)[..., ::-1]
+    verdict = judge(replace(with_masks(recording, masks), frame_index=np.arange(300)))
+    assert verdict.frames == 3
+    assert verdict.findings
+
+
 def test_one_frame_is_enough(recording):
     assert judge(recording[5:6], thorough=True).findings == ()
     (finding,) = judge(with_view(recording[5:6], GUILTY, lambda m: m[:, :, ::-1])).findings

@@ -8,6 +8,8 @@ from .._views import silhouette_areas
 
 # Frames that are looked at, to choose from.
 _CANDIDATES = 32
+# Of a long recording that shows somebody in fewer of those, all frames are looked at.
+_FEW = 3
 # Views may be out of step by so many frames: the ends of a long recording are left out.
 MOST_STEPS = 12
 
@@ -24,7 +26,17 @@ def telling_frames(silhouettes: Silhouettes, count: int) -> Int[np.ndarray, " so
     """
     length = len(silhouettes)
     margin = MOST_STEPS if length > 4 * MOST_STEPS else 0
-    candidates = np.unique(np.linspace(margin, length - 1 - margin, _CANDIDATES).round().astype(int))
+    found = _of_some(silhouettes, np.arange(margin, length - margin), count)
+    if len(found) < _FEW < length:  # mostly, nobody is there
+        found = _of_some(silhouettes, np.flatnonzero((silhouette_areas(silhouettes) > 0).sum(1) >= 2), count)
+    return found
+
+
+def _of_some(silhouettes: Silhouettes, frames: Int[np.ndarray, " candidates"], count: int) -> Int[np.ndarray, " some"]:
+    """Telling frames among those given, of which some are looked at."""
+    if len(frames) == 0:
+        return frames
+    candidates = frames[np.unique(np.linspace(0, len(frames) - 1, _CANDIDATES).round().astype(int))]
     moved, usable = np.zeros(len(candidates)), np.zeros(len(candidates), bool)
     for i, frame in enumerate(candidates):
         pair = np.asarray(silhouettes[frame : frame + 2])
