@@ -170,10 +170,10 @@ def test_nobody_to_see_is_no_contradiction(recording):
 def test_somebody_who_comes_by_for_a_moment_is_found():
     recording = good(4, 3)
     masks = np.zeros((300, *masks_of(recording).shape[1:]), bool)
-    masks[150:153] = masks_of(recording)[..., ::-1]
+    masks[150:153] = masks_of(with_view(recording, GUILTY, lambda m: m[:, ::-1]))
     verdict = judge(replace(with_masks(recording, masks), frame_index=np.arange(300)))
     assert verdict.frames == 3
-    assert verdict.findings
+    assert [finding.views for finding in verdict.findings] == [(recording.cameras.names[GUILTY],)]
 
 
 def test_one_frame_is_enough(recording):
