@@ -10,7 +10,7 @@ from jaxtyping import Bool
 Masks = Bool[np.ndarray, "frames rows columns"]
 
 # Images whose scale is off by less than this are taken for moved ones: a hull of few views is larger than the body.
-_RESIZED = 0.04
+_RESIZED = 0.07
 
 
 class ImageRepair(Protocol):
