@@ -11,14 +11,12 @@ from pathlib import Path
 from .._files import check_replaceable, check_writable
 from ..io._bounded import check_regular
 from ..io._ours import is_ours
-from ..io.calibrations import _colmap, _easymocap
 from ..io.folders import RECORDING_FILE
 from ..io.inputs import input_paths
 from ..io.views import is_image
 
 # Of a folder with a calibration in it.
 _CALIBRATIONS = (".yml", ".yaml", ".txt", ".json", ".xml")
-_PAIRS = (_colmap.PAIR, _easymocap.PAIR)
 
 
 def files_of(recording: Path) -> list[Path]:
@@ -31,12 +29,8 @@ def files_of(recording: Path) -> list[Path]:
     if folder.is_dir():
         if (folder / RECORDING_FILE).exists():
             check_regular(folder / RECORDING_FILE)
-        found = list(input_paths(folder).values())
-    else:
-        found = [recording]
-    # A calibration may be two files, of which either stands for both.
-    pairs = [path.with_name(name) for path in found for pair in _PAIRS if path.name in pair for name in pair]
-    return found + pairs
+        return list(input_paths(folder).values())
+    return [recording]
 
 
 def check_output(folder: Path, names: Sequence[str] = (), inputs: Iterable[Path] = ()) -> None:
