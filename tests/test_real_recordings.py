@@ -60,7 +60,9 @@ def test_a_seated_person_from_raw_videos_is_a_fat_hull_and_no_bold_pose(tmp_path
     )  # fmt: skip
     proposal = propose_recording(tmp_path)
     assert proposal.text.count("plate = ") == 4
-    assert proposal.doubts == ()
+    # A student's wrong extrinsics lie in the folders of the films.
+    (doubt,) = proposal.doubts
+    assert doubt == "calibrations calibration.npz, the files in the folders of the views: the first is taken"
     (tmp_path / "recording.toml").write_text(proposal.text.replace("fps", "frames = [0, 12]\nfps", 1))
     recording = read_recording(tmp_path)[::4]
     masks = np.unpackbits(recording.silhouettes, axis=-1, count=644).astype(bool)

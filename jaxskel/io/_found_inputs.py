@@ -98,10 +98,17 @@ def _calibration(folder: Path, wanted: str | None) -> tuple[str, Contents, list[
         # The likeliest file tells; where there is none, the folder itself, with what is read.
         why = min(refused, key=lambda each: each[0], default=(0, ""))[1]
         raise fault(folder, None, f"holds no calibration that can be read; {why or _refusal(folder)}")
-    # Those nearest to the top, and of those TOML: it is what people edit.
-    order = sorted(found, key=lambda text: (text.count("/"), not text.endswith(".toml"), text))
+    # A file that names all cameras goes before a folder of files. Then those nearest to the top, and of those TOML:
+    # it is what people edit.
+    order = sorted(
+        found, key=lambda text: ((folder / text).is_dir(), text.count("/"), not text.endswith(".toml"), text)
+    )
     # One may be named in several ways, as by each file of a pair.
-    others = [text for text in order[1:] if not _are_same(found[text], found[order[0]])]
+    others = [
+        "the files in the folders of the views" if text == "." else text
+        for text in order[1:]
+        if not _are_same(found[text], found[order[0]])
+    ]
     doubts = [f"calibrations {', '.join([order[0], *others])}: the first is taken"] if others else []
     return order[0], found[order[0]], doubts
 

@@ -16,6 +16,12 @@ from ._projections import read_projection_archive, read_projection_array
 from ._sequence import read_sequence_calibration
 from ._toml import read_toml
 
+# Tools that write two files which belong together; one of them names both.
+_PAIRS = {
+    "EasyMocap": (_easymocap.PAIR, _easymocap.read_easymocap),
+    "COLMAP": (_colmap.PAIR, _colmap.read_colmap),
+    "MVHumanNet": (_mvhumannet.PAIR, _mvhumannet.read_mvhumannet),
+}
 _PICKLES = (".pickle", ".pkl", ".p", ".joblib", ".pt", ".pth")
 _KNOWN = (
     "TOML (Pose2Sim, Anipose, FreeMoCap, Caliscope), .yml (OpenCV, EasyMocap, Kalibr), .xml (OpenCV, Metashape), "
@@ -62,10 +68,9 @@ def contents_of(path: Path) -> Contents:
         raise fault(path, None, "is a pickle, which can run any program and is never read; save numpy.savez instead")
     if os.path.isdir(path):
         return _of_folder(path)
-    if name in _easymocap.PAIR:
-        return _easymocap.read_easymocap(path.parent)
-    if name in _colmap.PAIR:
-        return _colmap.read_colmap(path.parent)
+    for pair, read in _PAIRS.values():
+        if name in pair:
+            return read(path.parent)
     if suffix == ".npz":
         is_ours = {"K", "R", "t"} <= set(keys_of(path))
         return read_sequence_calibration(path) if is_ours else read_projection_archive(path)
@@ -73,8 +78,6 @@ def contents_of(path: Path) -> Contents:
         return read_projection_array(path)
     if suffix == ".toml":
         return read_toml(path)
-    if name in _mvhumannet.PAIR:
-        return _mvhumannet.read_mvhumannet(path.parent)
     if suffix == ".json":
         return read_opencv(path) if holds_camera(path) else _known(path, read_json_file(path))
     if suffix in (".yml", ".yaml"):
@@ -92,7 +95,7 @@ def _known(path: Path, contents: Contents | None) -> Contents:
 def beside(name: str) -> list[str]:
     """Of a pair of files that belong together, the other one, as a path like the one that is given."""
     folder, _, last = name.rpartition("/")
-    pair = next((pair for pair in (_easymocap.PAIR, _colmap.PAIR) if last.lower() in pair), ())
+    pair = next((pair for pair, _ in _PAIRS.values() if last.lower() in pair), ())
     return [f"{folder}/{other}" if folder else other for other in pair if other != last]
 
 
@@ -101,12 +104,7 @@ def _of_folder(path: Path) -> Contents:
         names = {file.name for file in path.iterdir()}
     except OSError as error:
         raise fault(path, None, f"cannot be opened ({error.strerror}); check the path") from None
-    pairs = {
-        "EasyMocap": (_easymocap.PAIR, _easymocap.read_easymocap),
-        "COLMAP": (_colmap.PAIR, _colmap.read_colmap),
-        "MVHumanNet": (_mvhumannet.PAIR, _mvhumannet.read_mvhumannet),
-    }
-    found = {tool: read for tool, (pair, read) in pairs.items() if names >= set(pair)}
+    found = {tool: read for tool, (pair, read) in _PAIRS.items() if names >= set(pair)}
     if len(found) > 1:
         raise fault(path, None, f"holds the calibrations of {' and of '.join(found)}; give one of the files")
     if found:
