@@ -49,6 +49,7 @@ from ._hull import VisualHulls as VisualHulls
 from ._hull import hulls_from_dense as hulls_from_dense
 from ._hypotheses import Hypotheses as Hypotheses
 from ._initialise import initial_poses as initial_poses
+from ._label import labelled_limbs as labelled_limbs
 from ._learn import Learned as Learned
 from ._learn import learn_weights as learn_weights
 from ._levenberg_marquardt import LevenbergMarquardt as LevenbergMarquardt
@@ -60,13 +61,12 @@ from ._match import ExactMatcher as ExactMatcher
 from ._match import Matches as Matches
 from ._match import cost_matrices as cost_matrices
 from ._match import soft_cost_matrices as soft_cost_matrices
-from ._observe import labelled_limbs as labelled_limbs
-from ._observe import person_graphs as person_graphs
-from ._observe import see_people as see_people
-from ._observe import skeletal_graphs as skeletal_graphs
+from ._observe_batch import observe_batch as observe_batch
 from ._parallel import reconstruct_parallel as reconstruct_parallel
 from ._person import find_people as find_people
 from ._person import observed_edge as observed_edge
+from ._person_graphs import person_graphs as person_graphs
+from ._person_graphs import skeletal_graphs as skeletal_graphs
 from ._pipeline import reconstruct as reconstruct
 from ._pipeline import reconstruct_batch as reconstruct_batch
 from ._pipeline import reconstruct_batches as reconstruct_batches
@@ -94,7 +94,12 @@ from ._refine_cameras import refine_cameras as refine_cameras
 from ._reproject import agreement as agreement
 from ._reproject import reproject as reproject
 from ._scoop import scoop as scoop
+from ._see_people import see_people as see_people
 from ._sequence import refine_sequence as refine_sequence
+from ._settings import GraphSettings as GraphSettings
+from ._settings import HullSettings as HullSettings
+from ._settings import MatchingSettings as MatchingSettings
+from ._settings import RefinementSettings as RefinementSettings
 from ._settings import Settings as Settings
 from ._settings import paper_settings as paper_settings
 from ._sides import tell_sides as tell_sides

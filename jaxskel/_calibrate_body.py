@@ -7,7 +7,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from ._body import Body
 from ._bundle import bundle_adjust
@@ -17,7 +17,7 @@ from ._fits import fit_poses, fit_scales
 from ._frame_words import FRAMES_PER_WORD
 from ._graph import SkeletalGraph
 from ._limbs import Limbs
-from ._observe import Seen, labelled_limbs, middles_of_people, observed_volume, person_graphs, see_people
+from ._observe_batch import Observation, label_graphs, look_at_outlines, observe_batch
 from ._prepare import prepare
 from ._recording import Recording
 from ._settings import Settings
@@ -157,14 +157,13 @@ def _look(recording: Recording, settings: Settings, template: Skeleton | None, f
     """The template in the subject's size, and what some frames show, a batch at a time."""
     unknown = eqx.tree_at(lambda r: r.skeleton, recording, template, is_leaf=lambda leaf: leaf is None)
     prepared = prepare(unknown, replace(settings, search=None))
-    cameras = recording.cameras.rotated(prepared.to_z_up)
     chosen = np.unique(np.linspace(0, len(recording) - 1, frames).astype(int))
-    batches: list[tuple[Int[np.ndarray, " frames"], Seen, list[SkeletalGraph]]] = []
+    batches: list[tuple[Observation, list[SkeletalGraph]]] = []
     for batch in np.array_split(chosen, -(-len(chosen) // FRAMES_PER_WORD)):
-        seen = see_people(recording.silhouettes[batch], cameras, prepared)
-        if seen.hulls is not None and len(seen.frames) > 0:
-            batches.append((batch, seen, person_graphs(seen.hulls, prepared.skeleton, settings)))
-    count = sum(len(seen.frames) for _, seen, _ in batches)
+        found = observe_batch(recording.silhouettes[batch], prepared, settings, outlines=False)
+        if found.labelled is not None:
+            batches.append((found, found.labelled.graphs))
+    count = sum(len(found.seen.frames) for found, _ in batches)
     if count < _LEAST_FRAMES:
         raise ValueError(
             f"{recording.name}: {count} of {len(chosen)} frames show one whole person, too few to tell a body's "
@@ -172,16 +171,15 @@ def _look(recording: Recording, settings: Settings, template: Skeleton | None, f
         )
     # Legs that are too long are bent, if need be backwards: left and right are exchanged then.
     skeleton = prepared.skeleton
-    stature = estimate_stature([graph for _, _, graphs in batches for graph in graphs], skeleton)
+    stature = estimate_stature([graph for _, graphs in batches for graph in graphs], skeleton)
     if stature is not None:
         skeleton = skeleton.scaled(stature / skeleton.stature)
     parts: list[_Sight] = []
-    for batch, seen, graphs in batches:
-        silhouettes = recording.silhouettes[batch]
-        limbs, facing, _ = labelled_limbs(graphs, skeleton, settings)
-        middles = middles_of_people(seen, silhouettes, cameras)
-        observed = observed_volume(limbs, seen, silhouettes, cameras, middles, prepared.max_misses)
-        parts.append(_Sight(observed, limbs, facing, middles))
+    for found, graphs in batches:
+        labelled = label_graphs(graphs, skeleton, settings)
+        outlines = look_at_outlines(found._replace(labelled=labelled), prepared).outlines
+        assert outlines is not None
+        parts.append(_Sight(outlines.observed, labelled.limbs, labelled.facing, outlines.middles))
     return skeleton, jax.tree.map(lambda *some: np.concatenate(some), *parts)
 
 

@@ -7,10 +7,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ._forest import forest_of
-from ._graph import SkeletalGraph
+from ._graph import MAX_ENDS, SkeletalGraph
 from ._skeleton import JOINT_PARENTS, TIP_PARENTS, Skeleton
-
-MAX_ENDS = 16
 
 
 class EndNodes(eqx.Module):

@@ -8,6 +8,9 @@ from jaxtyping import Bool, Float, Int
 
 from ._forest import forest_of
 
+MAX_ENDS = 16
+"""A graph with more end nodes than this is pruned further: batches of end nodes are padded to so many."""
+
 
 @dataclass(frozen=True, eq=False)
 class SkeletalGraph:

@@ -13,8 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ._descriptors import MAX_ENDS, EndNodes, template_ends
+from ._descriptors import EndNodes, template_ends
 from ._dtw import dtw
+from ._graph import MAX_ENDS
 from ._kept import kept
 from ._skeleton import Skeleton
 from ._soft_dtw import soft_dtw

@@ -1,19 +1,17 @@
 """A recording in several processes, each on a core of its own; the poses come in order."""
 
-import os
 import pickle
 from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import suppress
 from multiprocessing import get_context
-from pathlib import Path
 from typing import Any
 
 import equinox as eqx
 import numpy as np
 from jaxtyping import UInt8
 
+from ._cores import take_core
 from ._pipeline import BATCH, reconstruct_batch
 from ._poses import Poses
 from ._prepare import prepare
@@ -59,23 +57,6 @@ def reconstruct_parallel(
         raise MemoryError(
             f"one of {jobs} processes was killed, probably for want of memory: each takes 1 to 2 GB; give fewer jobs"
         ) from None
-
-
-def take_core(number: int) -> None:
-    """Keep this process to one of the cores it may use, where the system can; before JAX starts its threads."""
-    if not hasattr(os, "sched_setaffinity"):
-        return
-    mine = sorted(os.sched_getaffinity(0))
-    keep_to({mine[number % len(mine)]})
-
-
-def keep_to(cores: set[int]) -> None:
-    """Keep all threads of this process to some cores; what they start later follows them."""
-    threads = Path("/proc/self/task")
-    # NumPy has started some when it was imported.
-    for thread in [int(path.name) for path in threads.iterdir()] if threads.exists() else [0]:
-        with suppress(ProcessLookupError):
-            os.sched_setaffinity(thread, cores)
 
 
 def _stretches(frames: int, jobs: int, settings: Settings) -> list[list[int]]:

@@ -7,10 +7,10 @@ import numpy as np
 
 from ._body import make_body
 from ._calibrate import calibrate
-from ._camera import Cameras
 from ._frame_words import FRAMES_PER_WORD
+from ._graph import SkeletalGraph
 from ._grid import make_grid
-from ._observe import labelled_limbs, middles_of_people, observed_volume, person_graphs, see_people
+from ._observe_batch import observe_batch
 from ._person import observed_edge
 from ._placement import place_grid
 from ._prepared import Prepared
@@ -18,7 +18,7 @@ from ._projection import projection_table
 from ._recording import Recording, rotation_to_z_up
 from ._settings import Settings
 from ._silhouettes import Silhouettes
-from ._skeleton import default_adult
+from ._skeleton import Skeleton, default_adult
 from ._solve import make_model
 from ._starts import graphless_poses, start_poses
 from ._stature import estimate_stature
@@ -40,13 +40,13 @@ def prepare(recording: Recording, settings: Settings) -> Prepared:
     to_z_up = rotation_to_z_up(recording.up)
     cameras = recording.cameras.rotated(to_z_up)
     silhouettes = recording.silhouettes
-    min_views = settings.min_views or (3 if len(cameras) >= 6 else 2)
+    min_views = settings.hull.min_views or (3 if len(cameras) >= 6 else 2)
     lost = lost_views(silhouette_areas(silhouettes), cameras)
     box = None
-    if settings.box is not None:
-        corners = settings.box @ to_z_up.T  # the rotation only exchanges axes
+    if settings.hull.box is not None:
+        corners = settings.hull.box @ to_z_up.T  # the rotation only exchanges axes
         box = np.stack([corners.min(0), corners.max(0)])
-    max_misses = settings.max_misses
+    max_misses = settings.hull.max_misses
     if max_misses is None:
         max_misses = judge_misses(cameras, silhouettes, lost, min_views, box)
     elif max_misses > len(cameras) - min_views:
@@ -55,9 +55,9 @@ def prepare(recording: Recording, settings: Settings) -> Prepared:
             f"must see a person; give {len(cameras) - min_views} or less"
         )
     if box is not None:
-        grid = make_grid(box[0], box[1], settings.spacing)
+        grid = make_grid(box[0], box[1], settings.hull.spacing)
     else:
-        grid = place_grid(cameras, silhouettes, lost, settings.spacing, min_views, max_misses)
+        grid = place_grid(cameras, silhouettes, lost, settings.hull.spacing, min_views, max_misses)
     table, edge = None, np.zeros((0, 0, 0), bool)
     if grid is not None:
         # A voxel that may be missed by some cameras must be seen by so many more.
@@ -66,34 +66,40 @@ def prepare(recording: Recording, settings: Settings) -> Prepared:
     known = recording.skeleton is not None
     skeleton = recording.skeleton or default_adult()
     body = settings.body or make_body(skeleton)
-    prepared = Prepared(to_z_up, table, edge, max_misses, skeleton, known, body, None)
-    prepared = _with_subject(prepared, cameras, silhouettes, settings)
+    prepared = Prepared(to_z_up, cameras, table, edge, max_misses, skeleton, known, body, None)
+    prepared = _with_subject(prepared, silhouettes, settings)
     return prepared if settings.search is None else replace(prepared, model=make_model(prepared.body))
 
 
-def _with_subject(prepared: Prepared, cameras: Cameras, recorded: Silhouettes, settings: Settings) -> Prepared:
+def _with_subject(prepared: Prepared, recorded: Silhouettes, settings: Settings) -> Prepared:
     calibrating = settings.search is not None and settings.body is None
     if prepared.table is None or (prepared.skeleton_is_known and not calibrating):
         return prepared
     chosen = np.unique(np.linspace(0, len(recorded) - 1, _SUBJECT_FRAMES).astype(int))
     assert len(chosen) <= FRAMES_PER_WORD
-    silhouettes = recorded[chosen]
-    seen = see_people(silhouettes, cameras, prepared)
-    if seen.hulls is None or len(seen.frames) == 0:
+    found = observe_batch(
+        recorded[chosen], prepared, settings, outlines=calibrating, template=lambda graphs: _template(graphs, prepared)
+    )
+    if found.labelled is None:
         return prepared
-    graphs = person_graphs(seen.hulls, prepared.skeleton, settings)
-    if not prepared.skeleton_is_known:
-        stature = estimate_stature(graphs)
-        if stature is not None and _STATURES[0] < stature < _STATURES[1]:
-            skeleton = default_adult(stature)
-            prepared = eqx.tree_at(
-                lambda p: (p.skeleton, p.body), prepared, (skeleton, settings.body or make_body(skeleton))
-            )
-    if not calibrating or len(seen.frames) < _LEAST_FRAMES:
+    skeleton = found.labelled.skeleton
+    if skeleton is not prepared.skeleton:
+        prepared = eqx.tree_at(
+            lambda p: (p.skeleton, p.body), prepared, (skeleton, settings.body or make_body(skeleton))
+        )  # fmt: skip
+    if settings.search is None or found.outlines is None or len(found.seen.frames) < _LEAST_FRAMES:
         return prepared
-    limbs, facing, _ = labelled_limbs(graphs, prepared.skeleton, settings)
-    middles = middles_of_people(seen, silhouettes, cameras)
-    observed = observed_volume(limbs, seen, silhouettes, cameras, middles, prepared.max_misses)
-    starts, fallback = start_poses(limbs, facing, prepared.skeleton), graphless_poses(middles, prepared.skeleton)
-    found = calibrate(prepared.body, starts, fallback, observed, settings.search)
-    return replace(prepared, body=found.body, costs=found.costs)
+    starts = start_poses(found.labelled.limbs, found.labelled.facing, skeleton)
+    fallback = graphless_poses(found.outlines.middles, skeleton)
+    flesh = calibrate(prepared.body, starts, fallback, found.outlines.observed, settings.search)
+    return replace(prepared, body=flesh.body, costs=flesh.costs)
+
+
+def _template(graphs: list[SkeletalGraph], prepared: Prepared) -> Skeleton:
+    """The subject's skeleton where it is known, else an average adult of the graphs' stature."""
+    if prepared.skeleton_is_known:
+        return prepared.skeleton
+    stature = estimate_stature(graphs)
+    return (
+        default_adult(stature) if stature is not None and _STATURES[0] < stature < _STATURES[1] else prepared.skeleton
+    )

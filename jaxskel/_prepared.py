@@ -6,6 +6,7 @@ from jaxtyping import Bool, Float
 
 from ._body import Body
 from ._calibrate import Costs
+from ._camera import Cameras
 from ._projection import ProjectionTable
 from ._skeleton import Skeleton
 from ._solve import Model
@@ -16,6 +17,8 @@ class Prepared(eqx.Module):
 
     to_z_up: Float[np.ndarray, "3 3"]
     """Rotation from the recording's world to the one worked in."""
+    cameras: Cameras
+    """The recording's, in that world."""
     table: ProjectionTable | None
     """None where no frame has a hull."""
     edge: Bool[np.ndarray, "x y z"]

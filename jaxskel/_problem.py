@@ -8,14 +8,14 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ._body import Body
-from ._observe import see_people
-from ._pipeline import BATCH, Work, start_of
+from ._pipeline import BATCH
 from ._prepare import prepare
 from ._prepared import Prepared
 from ._recording import Recording
 from ._settings import Settings
 from ._skeleton import Pose, Skeleton
 from ._stacks import single_precision, taken
+from ._start_of import start_of
 from .terms import Observed
 
 
@@ -48,15 +48,14 @@ def refinement_problem(
     """
     settings = settings or Settings()
     prepared = prepared or prepare(recording, settings)
-    cameras = recording.cameras.rotated(prepared.to_z_up)
+    objective = settings.refinement.objective_for(prepared.body)
     frames, starts = [], []
     for first in range(0, len(recording), BATCH):
-        silhouettes = recording.silhouettes[first : first + BATCH]
-        seen = see_people(silhouettes, cameras, prepared)
-        if len(seen.frames):
-            objective = settings.objective_for(prepared.body)
-            start, _ = start_of(Work(seen, silhouettes, cameras, prepared, settings, objective), recording.fps)
-            frames.append(first + seen.frames)
+        found, start, _ = start_of(
+            recording.silhouettes[first : first + BATCH], recording.fps, prepared, settings, objective
+        )
+        if start is not None:
+            frames.append(first + found.frames)
             starts.append(start)
     if not starts:
         raise ValueError(f"{recording.name}: no frame shows one whole person; see `jaxskel check`")

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from ._graph import SkeletalGraph
 from ._hull import VisualHulls
 from ._limbs import Limbs
-from ._observe import labelled_limbs, person_graphs, see_people
+from ._observe_batch import observe_batch
 from ._pictures import write_figure
 from ._pipeline import reconstruct_batch
 from ._prepared import Prepared
@@ -35,13 +35,14 @@ class Stages(eqx.Module):
 def stages_of(recording: Recording, prepared: Prepared, settings: Settings, frame: int) -> Stages | None:
     """Run the stages on one frame and keep what each of them made; None where there is no person."""
     silhouettes = recording.silhouettes[frame : frame + 1]
-    seen = see_people(silhouettes, recording.cameras.rotated(prepared.to_z_up), prepared)
-    if seen.hulls is None or len(seen.frames) == 0:
+    found = observe_batch(silhouettes, prepared, settings, outlines=False)
+    if found.labelled is None:
         return None
-    graphs = person_graphs(seen.hulls, prepared.skeleton, settings)
-    limbs, _, _ = labelled_limbs(graphs, prepared.skeleton, settings)
+    assert found.seen.hulls is not None
     poses, _ = reconstruct_batch(silhouettes, recording, prepared, settings)
-    return Stages(seen.hulls, graphs[0], limbs, poses.joints[0] @ prepared.to_z_up.T)
+    return Stages(
+        found.seen.hulls, found.labelled.graphs[0], found.labelled.limbs, poses.joints[0] @ prepared.to_z_up.T
+    )
 
 
 def plot_stages(recording: Recording, prepared: Prepared, settings: Settings, frame: int, path: str | Path) -> None:

@@ -14,7 +14,7 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
 
-from .._parallel import take_core
+from .._cores import take_core
 from .._plain import plain
 from ._folders import ResultFolder
 from ._manifest import Manifest, Work, current_version, failed

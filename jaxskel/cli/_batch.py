@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from .._settings import Settings
+from .._settings import HullSettings
 from ..batch import (
     PROCESS_BYTES,
     TIMEOUT,
@@ -57,7 +57,7 @@ def batch(
         list[str] | None, typer.Option(metavar="KEY=VALUE", help="Option of sbatch, such as partition=long.")
     ] = None,
     subject: Subject = None,
-    spacing: Spacing = Settings.spacing,
+    spacing: Spacing = HullSettings.spacing,
     max_misses: MaxMisses = None,
     box: Box = None,
     preset: PresetOption = Preset.DEFAULT,

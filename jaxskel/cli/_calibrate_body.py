@@ -9,7 +9,7 @@ from rich.table import Table
 
 from .._calibrate_body import FRAMES, STAGES, CalibratedBody
 from .._calibrate_body import calibrate_body as found_body
-from .._settings import Settings
+from .._settings import HullSettings
 from ..io import read_recording, write_subject
 from ..io._ours import is_ours
 from ..io.folders import SUBJECT_FILE
@@ -26,7 +26,7 @@ def calibrate_body(
         typer.Option("--output", "-o", help="TOML file to write, for `run --subject`.", show_default="subject.toml"),
     ] = None,
     frames: Annotated[int, typer.Option(min=8, help="Frames to use, spread evenly.")] = FRAMES,
-    spacing: Spacing = Settings.spacing,
+    spacing: Spacing = HullSettings.spacing,
     max_misses: MaxMisses = None,
 ) -> None:
     """Find the subject's bone lengths and radii from the silhouettes; dimensions in the recording are not looked at."""

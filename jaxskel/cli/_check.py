@@ -13,10 +13,11 @@ from .._carve import carve
 from .._grid import VoxelGrid
 from .._hull import VisualHulls
 from .._pictures import PICTURES, write_image
-from .._pipeline import Settings, prepare
+from .._pipeline import prepare
 from .._prepared import Prepared
 from .._recording import Recording, unpack_silhouettes
 from .._reproject import agreement, reproject
+from .._settings import HullSettings
 from .._views import lost_views, silhouette_areas
 from ..io import read_recording
 from ..overlays import draw_box, draw_hull, draw_silhouette, tile
@@ -34,7 +35,7 @@ def check(
         Path | None, typer.Option("--output", "-o", help="Picture to write.", show_default="check.png")
     ] = None,
     frame: Annotated[int | None, typer.Option(help="Frame to draw, counted from 0; the middle one by default.")] = None,
-    spacing: Spacing = Settings.spacing,
+    spacing: Spacing = HullSettings.spacing,
     max_misses: MaxMisses = None,
     box: Box = None,
 ) -> None:
@@ -71,7 +72,7 @@ def check(
 def _draw(recording: Recording, prepared: Prepared, verdict: Verdict, drawn: int, output: Path) -> None:
     """Draw one frame; tabulate how much of the silhouettes the hulls cover in a few."""
     assert prepared.table is not None
-    cameras, grid = recording.cameras.rotated(prepared.to_z_up), prepared.table.grid
+    cameras, grid = prepared.cameras, prepared.table.grid
     chosen = np.unique(np.append(np.linspace(0, len(recording) - 1, _FRAMES).astype(int), drawn))
     sils = np.asarray(recording.silhouettes[chosen])
     lost = lost_views(silhouette_areas(sils), cameras)

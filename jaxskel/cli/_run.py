@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from .._advice import advice
-from .._settings import Settings, paper_settings
+from .._settings import HullSettings, Settings, paper_settings
 from .._smooth import smooth
 from .._track import Tracking
 from ..batch import Method
@@ -61,7 +61,7 @@ def run(
     source: Recorded,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write to.")],
     subject: Subject = None,
-    spacing: Spacing = Settings.spacing,
+    spacing: Spacing = HullSettings.spacing,
     max_misses: MaxMisses = None,
     box: Box = None,
     preset: PresetOption = Preset.DEFAULT,
@@ -106,9 +106,9 @@ def make_settings(
     check_number("--max-misses", max_misses, 0, 1000, "a number of cameras")
     base = paper_settings() if preset is Preset.PAPER else Settings()
     corners = None if box is None else _corners(box)
-    misses = base.max_misses if max_misses is None else max_misses
-    tracking = Tracking() if track else None
-    return replace(base, spacing=spacing, max_misses=misses, box=corners, tracking=tracking)
+    misses = base.hull.max_misses if max_misses is None else max_misses
+    hull = replace(base.hull, spacing=spacing, max_misses=misses, box=corners)
+    return replace(base, hull=hull, tracking=Tracking() if track else None)
 
 
 def _corners(box: tuple[float, ...]) -> np.ndarray:

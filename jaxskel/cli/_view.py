@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from .._recording import Recording
-from .._settings import Settings
+from .._settings import HullSettings
 from ..io import read_poses, read_recording
 from ._outputs import check_output_file, files_of
 from ._poseless import end_without_pose
@@ -25,7 +25,7 @@ def view(
     save: Annotated[
         Path | None, typer.Option(help="File to write (.rrd) instead of opening a window: `rerun FILE.rrd` shows it.")
     ] = None,
-    spacing: Spacing = Settings.spacing,
+    spacing: Spacing = HullSettings.spacing,
     max_misses: MaxMisses = None,
     box: Box = None,
     preset: PresetOption = Preset.DEFAULT,

@@ -11,10 +11,11 @@ import numpy as np
 
 from .._camera import Cameras, make_cameras
 from .._files import written_whole
-from .._recording import UP_AXES, Recording, Truth
+from .._recording import Recording, Truth
 from .._skeleton import JOINT_NAMES, TIP_NAMES, Skeleton, make_skeleton
 from ._archive import StoredRows, fault, numbers, read_arrays, short, switches, texts
 from ._stored import StoredSilhouettes
+from .calibrations import up_axis
 
 # A person with arms stretched spans less than this (m); truth in millimetres spans a thousand times more.
 _WIDEST_PERSON = 5.0
@@ -158,14 +159,6 @@ def frame_rate(path: Path, arrays: dict[str, np.ndarray]) -> float:
     if fps.size != 1 or fps.dtype.kind not in "iuf" or not 0 < float(fps.reshape(())) < np.inf:
         raise fault(path, "fps", f"give one positive number of frames per second, not {short(fps)}")
     return float(fps.reshape(()))
-
-
-def up_axis(path: Path, arrays: dict[str, np.ndarray]) -> str:
-    """Check `up`, "+Z" where it is missing."""
-    up = texts(path, arrays, "up") if "up" in arrays else ["+Z"]
-    if len(up) != 1 or up[0] not in UP_AXES:
-        raise fault(path, "up", f"give one of {', '.join(UP_AXES)}, not {short(arrays['up'])}")
-    return up[0]
 
 
 def frame_numbers(path: Path, arrays: dict[str, np.ndarray], frames: int) -> np.ndarray:

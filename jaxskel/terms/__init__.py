@@ -4,7 +4,6 @@ A term is an `AbstractTerm`: a Module with a weight and a `residual`. What it ne
 it looks up in `correspond`, once before each inner solve, so that the solver sees a smooth function.
 """
 
-from .._body import LINKS, Body
 from ._arm_collision import ArmCollision as ArmCollision
 from ._base import AbstractCoupling as AbstractCoupling
 from ._base import AbstractTerm as AbstractTerm
@@ -21,6 +20,8 @@ from ._hinges import HingeLimits as HingeLimits
 from ._inner_nodes import InnerNodeAttraction as InnerNodeAttraction
 from ._inside_hull import InsideHull as InsideHull
 from ._inside_silhouettes import InsideSilhouettes as InsideSilhouettes
+from ._objectives import paper_objective as paper_objective
+from ._objectives import volume_objective as volume_objective
 from ._pose_prior import PosePrior as PosePrior
 from ._pose_prior import pose_prior as pose_prior
 from ._quadrics import CapsuleTerm as CapsuleTerm
@@ -29,41 +30,3 @@ from ._rest_prior import firmness as firmness
 from ._smoothness import Smoothness as Smoothness
 from ._surface_coverage import SurfaceCoverage as SurfaceCoverage
 from ._symmetry import Symmetry as Symmetry
-
-
-def paper_objective() -> Objective:
-    """The paper's objective (Sect. 3.3): bones drawn to the graph and its labelled nodes, bone lengths kept.
-
-    Weights are chosen for residuals of decimetres (100 per square metre), so that the cost of a good frame is near
-    one: the damping of Optimistix' Levenberg-Marquardt is absolute.
-    """
-    return Objective(
-        {
-            "graph": GraphAttraction(weight=100.0),
-            "end_nodes": EndNodeAttraction(weight=400.0),
-            "inner_nodes": InnerNodeAttraction(weight=100.0),
-            "rest": RestPrior(weight=2.0),
-        }
-    )
-
-
-def volume_objective(body: Body) -> Objective:
-    """Fit a body with volume to the silhouettes: it touches their outlines, stays inside, and bends as limbs can.
-
-    Needs ``observed.contours`` and ``observed.silhouettes``; uses no labels of the graph, so it needs a pose to start
-    from in which each limb is nearer to its own part of the outlines than to another. Weights as in `paper_objective`:
-    the cost of a well explained frame is of the order of ten. A capsule counts the same in a body that lacks others.
-    """
-    share = len(body.links) / len(LINKS)
-    return Objective(
-        {
-            "contours": ContourContact(body=body, weight=1.2e5),
-            "inside": InsideSilhouettes(body=body, weight=7e4 * share),
-            "collision": ArmCollision(body=body, weight=800.0),
-            "hinges": HingeLimits(skeleton=body.skeleton, weight=40.0),
-            "rest": RestPrior(
-                weight=0.2,
-                firmness=firmness(chest=8.0, head=5.0, clavicle=70.0, thigh=0.7, hand=6.0, foot=6.0),
-            ),
-        }
-    )

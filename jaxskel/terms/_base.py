@@ -84,6 +84,9 @@ class AbstractTerm(eqx.Module):
     needs_graph: ClassVar[bool] = True
     """Whether ``paths``, ``found``, ``neck`` and ``pelvis`` of ``observed`` are; if not, tracking leaves them out."""
 
+    needs_outlines: ClassVar[bool] = False
+    """Whether ``contours`` and ``silhouettes`` of ``observed`` are looked at, which only a search makes."""
+
     weight: eqx.AbstractVar[Float[Array, ""]]
 
     def correspond(self, body: PlacedBody, observed: Observed) -> PyTree:
@@ -154,6 +157,11 @@ class Objective(eqx.Module):
     def needs_graph(self) -> bool:
         """Whether any of the terms looks at the labelled graph."""
         return any(term.needs_graph for term in self.of_frames.values())
+
+    @property
+    def needs_outlines(self) -> bool:
+        """Whether any of the terms looks at the outlines of the silhouettes."""
+        return any(term.needs_outlines for term in self.of_frames.values())
 
     def correspond(self, body: PlacedBody, observed: Observed) -> dict[str, PyTree]:
         """Look up the correspondences of all terms."""

@@ -17,6 +17,8 @@ class ContourContact(CapsuleTerm):
     apart costs nothing here.
     """
 
+    needs_outlines = True
+
     body: Body
     weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
     scale: Float[Array, ""] = eqx.field(converter=number, default=0.05)

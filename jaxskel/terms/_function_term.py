@@ -48,8 +48,8 @@ class FunctionTerm(AbstractTerm):
     function: Code = eqx.field(static=True)
     parameters: tuple[PyTree, ...]
     weight: Float[Array, ""] = eqx.field(converter=number)
-    looks_at: tuple[bool, bool] = eqx.field(static=True, default=(False, False))
-    """At the hull, at the labelled graph."""
+    looks_at: tuple[bool, bool, bool] = eqx.field(static=True, default=(False, False, False))
+    """At the hull, at the labelled graph, at the outlines."""
 
     @property
     def needs_hull(self) -> bool:
@@ -60,6 +60,11 @@ class FunctionTerm(AbstractTerm):
     def needs_graph(self) -> bool:
         """Whether it looks at the labelled graph."""
         return self.looks_at[1]
+
+    @property
+    def needs_outlines(self) -> bool:
+        """Whether it looks at the outlines of the silhouettes."""
+        return self.looks_at[2]
 
     def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "..."]:
         """What the function gives."""
@@ -72,6 +77,7 @@ def from_function(
     weight: Any = 1.0,
     needs_hull: bool = False,
     needs_graph: bool = False,
+    needs_outlines: bool = False,
 ) -> FunctionTerm:
     """Make a term of a function ``residual(body, observed, *parameters)`` of one frame.
 
@@ -81,6 +87,7 @@ def from_function(
         weight: Of the squared norm.
         needs_hull: The function looks at ``observed.field`` or ``observed.surface``.
         needs_graph: It looks at the labelled graph: ``paths``, ``found``, ``neck``, ``pelvis``.
+        needs_outlines: It looks at ``observed.contours`` or ``observed.silhouettes``.
 
     Raises:
         ValueError: It is no plain function, or it uses an array from around it, which a solver that is compiled once
@@ -89,7 +96,7 @@ def from_function(
     if not isinstance(function, FunctionType):
         raise ValueError(f"{function!r} is no plain function; write one, or a Module derived from AbstractTerm")
     given = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.result_type(float)), parameters)
-    return FunctionTerm(Code(function), given, weight, (needs_hull, needs_graph))
+    return FunctionTerm(Code(function), given, weight, (needs_hull, needs_graph, needs_outlines))
 
 
 def _surroundings(function: FunctionType) -> Iterator[tuple[str, type, Any]]:

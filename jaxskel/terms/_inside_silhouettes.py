@@ -22,6 +22,8 @@ class InsideSilhouettes(CapsuleTerm):
     each view has a small say of its own that a hole in its mask soon exhausts: several together are hardly wrong.
     """
 
+    needs_outlines = True
+
     body: Body
     weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
     share: Float[Array, ""] = eqx.field(converter=number, default=0.7)

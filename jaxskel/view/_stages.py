@@ -11,7 +11,7 @@ from .._frame_words import FRAMES_PER_WORD
 from .._graph import SkeletalGraph
 from .._hull import VisualHulls
 from .._limbs import Limbs
-from .._observe import labelled_limbs, person_graphs, see_people
+from .._observe_batch import observe_batch
 from .._poses import Status
 from .._prepared import Prepared
 from .._recording import Recording
@@ -50,15 +50,14 @@ def stages_of_frames(
         prepared: What `prepare` found for the recording.
         settings: How.
     """
-    cameras = recording.cameras.rotated(prepared.to_z_up)
     for start in range(0, len(rows), FRAMES_PER_WORD):
         silhouettes = recording.silhouettes[rows[start : start + FRAMES_PER_WORD]]
-        seen = see_people(silhouettes, cameras, prepared)
+        found = observe_batch(silhouettes, prepared, settings, outlines=False)
+        seen = found.seen
         person = {int(frame): i for i, frame in enumerate(seen.frames)}
         graphs, limbs, everything = [], Limbs.none(0), None
-        if seen.hulls is not None and person:
-            graphs = person_graphs(seen.hulls, prepared.skeleton, settings)
-            limbs, _, _ = labelled_limbs(graphs, prepared.skeleton, settings)
+        if found.labelled is not None:
+            graphs, limbs = found.labelled.graphs, found.labelled.limbs
         # Why there is no person is what one wants to see; `see_people` keeps the hulls of people only. Of too few
         # views there is no hull.
         refused = ~np.isin(seen.status, (Status.OK, Status.EMPTY, Status.TOO_FEW_VIEWS))

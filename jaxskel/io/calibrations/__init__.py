@@ -9,5 +9,6 @@ from ._easymocap import write_easymocap_calibration as write_easymocap_calibrati
 from ._read import beside as beside
 from ._read import contents_of as contents_of
 from ._read import read_calibration as read_calibration
+from ._sequence import up_axis as up_axis
 from ._sequence import write_calibration as write_calibration
 from ._toml import write_pose2sim_calibration as write_pose2sim_calibration

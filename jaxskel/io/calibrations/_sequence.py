@@ -8,8 +8,8 @@ import numpy as np
 from ..._camera import Cameras
 from ..._files import written_whole
 from ..._lens import FISHEYE_COEFFICIENTS
-from .._archive import fault, numbers, switches, texts
-from ..sequence_file import up_axis
+from ..._recording import UP_AXES
+from .._archive import fault, numbers, short, switches, texts
 from ._archives import checked_arrays
 from ._calibration import CameraEntry, Contents
 
@@ -61,3 +61,11 @@ def write_calibration(path: str | Path, cameras: Cameras, up: str | None = None)
         arrays["up"] = np.array(up)
     with written_whole(Path(path)) as file:
         np.savez_compressed(file, **arrays)
+
+
+def up_axis(path: Path, arrays: dict[str, np.ndarray]) -> str:
+    """Check `up`, "+Z" where it is missing."""
+    up = texts(path, arrays, "up") if "up" in arrays else ["+Z"]
+    if len(up) != 1 or up[0] not in UP_AXES:
+        raise fault(path, "up", f"give one of {', '.join(UP_AXES)}, not {short(arrays['up'])}")
+    return up[0]
