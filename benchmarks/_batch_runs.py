@@ -13,7 +13,7 @@ import jax
 import numpy as np
 
 from jaxskel import default_adult
-from jaxskel.io import write_recording
+from jaxskel.io.recordings import write_recording
 from jaxskel.synthetic import camera_ring, demo_motion, make_scene
 
 _MOTION = 64  # frames of the motion that recordings are cut from

@@ -16,7 +16,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jaxskel import Cameras, Recording, pack_silhouettes
-from jaxskel.io import read_calibration, read_poses, write_recording
+from jaxskel.io.calibrations import read_calibration
+from jaxskel.io.poses import read_poses
+from jaxskel.io.recordings import write_recording
 from jaxskel.synthetic import camera_ring, make_scene
 
 FPS = 30.0

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 from _case import PAPER, SOON, WALK, Case, Rows, copied, jaxskel, listing, refused, wanted
 
-from jaxskel.batch._folders import ResultFolder
-from jaxskel.io import read_poses
+from jaxskel.batch import ResultFolder
+from jaxskel.io.poses import read_poses
 
 
 def _kept(before: dict[Path, bytes | str], case: Case) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from _case import PAPER, WALK, Case, Rows, jaxskel, refused, wanted
 
 from jaxskel import Status
-from jaxskel.io import read_poses
+from jaxskel.io.poses import read_poses
 
 
 class _Marking:

@@ -8,7 +8,8 @@ from _case import FPS, PAPER, Act, Case, Rows, good_joints, good_scene, jaxskel,
 from _case_rigs import aligned, difference
 
 from jaxskel import Recording, unpack_silhouettes
-from jaxskel.io import read_poses, read_recording
+from jaxskel.io.poses import read_poses
+from jaxskel.io.recordings import read_recording
 
 # Joints of the same scene, seen in other pixels, are nearer than this to each other (m).
 _NEAR = 0.03

@@ -8,7 +8,7 @@ import numpy as np
 from _case import Act, Case, NotAsExpected, Rows, good_scene, wanted
 
 from jaxskel import Cameras
-from jaxskel.io import choose_views, read_calibration
+from jaxskel.io.calibrations import choose_views, read_calibration
 
 # Files have 12 digits and more; what is not the same rig is off by much more (m, px).
 _SAME = 1e-6

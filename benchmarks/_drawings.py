@@ -14,7 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from jaxskel import JOINT_NAMES
-from jaxskel.metrics import CURVE_THRESHOLDS_MM, Score
+from jaxskel.poses import CURVE_THRESHOLDS_MM, Score
 
 WRONG_MM = 100
 """Table 1 counts a limb farther off than this as wrong (mm)."""

@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from scipy import ndimage
 
-from jaxskel import Cameras, VisualHulls
-from jaxskel._projection import ProjectionTable
+from jaxskel import Cameras
+from jaxskel.hull import ProjectionTable, VisualHulls
 
 Run = Callable[[], Any]
 _NEIGHBOURS = np.ones((3, 3, 3), bool)

@@ -8,9 +8,10 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from scipy.optimize import least_squares
 
-from jaxskel import EndNodes, Pose, Skeleton
-from jaxskel.parametrisations import Parametrisation
-from jaxskel.terms import Objective, Observed, place
+from jaxskel import Pose, Skeleton
+from jaxskel.matching import EndNodes
+from jaxskel.refinement.parametrisations import Parametrisation
+from jaxskel.refinement.terms import Objective, Observed, place
 
 
 def dtaidistance_matrices(ends: EndNodes, template: np.ndarray) -> Callable[[], list[np.ndarray]]:

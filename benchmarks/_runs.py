@@ -12,10 +12,10 @@ from _condition import Condition
 from jaxtyping import Bool, Float, Int
 
 from jaxskel import Recording, Settings, join_poses, prepare, reconstruct_batches
-from jaxskel._files import written_whole
-from jaxskel._kept import digest_of_code
-from jaxskel.io._archive import read_arrays
-from jaxskel.metrics import Score, score
+from jaxskel._runtime.atomic_files import written_whole
+from jaxskel._runtime.compile_cache import digest_of_code
+from jaxskel.io.files import read_arrays
+from jaxskel.poses import Score, score
 
 _NEWS_EVERY = 30.0
 """Seconds between two lines of progress: short runs stay quiet, a log of a whole night can still be read."""

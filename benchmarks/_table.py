@@ -6,7 +6,8 @@ from typing import Any, NamedTuple
 
 from _presets import Preset
 
-from jaxskel.metrics import LIMBS, Score, join_scores
+from jaxskel.poses import LIMBS, Score
+from jaxskel.poses.metrics import join_scores
 
 
 class PaperRow(NamedTuple):

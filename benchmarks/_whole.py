@@ -15,9 +15,9 @@ from _presets import PRESETS
 from accuracy import score_against_truth
 
 from jaxskel import Recording, join_poses, prepare, read_recording, reconstruct_batches
-from jaxskel._parallel import take_core
-from jaxskel._pipeline import BATCH
+from jaxskel._runtime.cores import take_core
 from jaxskel.cli._cache import keep_compiled
+from jaxskel.pipeline._reconstruct import BATCH
 
 
 class Throughput(NamedTuple):

@@ -23,17 +23,9 @@ from _condition import Condition, add_options, condition_of, disturbed
 from _presets import PRESETS
 from jaxtyping import Bool, Float
 
-from jaxskel import (
-    Poses,
-    Prepared,
-    Recording,
-    Settings,
-    join_poses,
-    prepare,
-    read_recording,
-    reconstruct_batches,
-)
-from jaxskel.metrics import Score, join_scores, score
+from jaxskel import Poses, Prepared, Recording, Settings, join_poses, prepare, read_recording, reconstruct_batches
+from jaxskel.poses import Score, score
+from jaxskel.poses.metrics import join_scores
 
 CONFIDENCES = (0.0, 0.5, 0.9, 1.0)
 HEADER = (

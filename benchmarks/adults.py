@@ -4,7 +4,7 @@
 
 Each sequence file shows another person, whose dimensions and joints are known. Where the flesh of `make_body` sits
 around these joints is found in the way in which `calibrate_body` does it. Means, common deviations and the rest of each
-quantity go to `jaxskel/adults.csv`.
+quantity go to `jaxskel/body/adults.csv`.
 
 The table of the package is of 160 bodies of MakeHuman (`benchmarks/makehuman.py`), each in 16 moments of one clip of
 the CMU database: 01_01, 02_05, 05_02, 13_18 and 16_11 in turn, those that all settings were chosen on.
@@ -23,9 +23,10 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxskel import Skeleton, default_adult, read_recording, refinement_problem
-from jaxskel._body import BALL_NAMES, place_joints
-from jaxskel._bundle import bundle_adjust
-from jaxskel._dimensions import (
+from jaxskel._runtime.batching import filled, on_device
+from jaxskel._runtime.cores import take_core
+from jaxskel.body import (
+    BALL_NAMES,
     FLESH_FROM,
     LENGTH_NAMES,
     QUANTITIES,
@@ -33,9 +34,9 @@ from jaxskel._dimensions import (
     Shape,
     lengths_of,
     measured_body,
+    place_joints,
 )
-from jaxskel._parallel import take_core
-from jaxskel._stacks import filled, on_device
+from jaxskel.body_calibration import bundle_adjust
 
 AXES = 40
 LEFT_OUT = ("fingertip", "fingers front", "fingers out", "palm ", "finger ")
@@ -106,7 +107,9 @@ def _begin(cores: Any) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("sequences", nargs="+", type=Path)
-    parser.add_argument("-o", "--output", type=Path, default=Path(__file__).parent.parent / "jaxskel" / "adults.csv")
+    parser.add_argument(
+        "-o", "--output", type=Path, default=Path(__file__).parent.parent / "jaxskel" / "body" / "adults.csv"
+    )
     arguments = parser.parse_args()
     vectors = []
     # A process has one core: threads of NumPy would wait for each other there.

@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 from _batch_runs import break_some, family, film, resident, started, timed
 
-from jaxskel.batch import read_manifest
 from jaxskel.batch._journal import ROW_BYTES
+from jaxskel.batch._manifest import read_manifest
 
 
 def survive(work: Path, recordings: int, kills: int, options: list[str]) -> bool:

@@ -17,17 +17,10 @@ import numpy as np
 from accuracy import score_against_truth
 from jaxtyping import Float
 
-from jaxskel import (
-    CalibratedBody,
-    Recording,
-    Settings,
-    Skeleton,
-    calibrate_body,
-    default_adult,
-    read_recording,
-    reconstruct,
-)
-from jaxskel.metrics import Score, join_scores
+from jaxskel import Recording, Settings, Skeleton, calibrate_body, default_adult, read_recording, reconstruct
+from jaxskel.pipeline import CalibratedBody
+from jaxskel.poses import Score
+from jaxskel.poses.metrics import join_scores
 
 COLUMNS = ("sequence", "start", "worst bone", "second worst", "known dimensions", "calibrated", "seconds")
 HEADER = f"| {' | '.join(COLUMNS)} |\n{'|---' * len(COLUMNS)}|"

@@ -21,21 +21,10 @@ import cv2
 import numpy as np
 from jaxtyping import Int
 
-from jaxskel import (
-    Cameras,
-    Recording,
-    carve,
-    compare_rigs,
-    lost_views,
-    make_cameras,
-    place_grid,
-    project,
-    projection_table,
-    read_recording,
-    refine_cameras,
-    silhouette_areas,
-    unpack_silhouettes,
-)
+from jaxskel import Cameras, Recording, make_cameras, read_recording, refine_cameras, unpack_silhouettes
+from jaxskel.cameras import compare_rigs, project
+from jaxskel.hull import carve, place_grid, projection_table
+from jaxskel.recording import lost_views, silhouette_areas
 
 TURN, SHIFT = np.radians(0.5), 0.010  # rad, m
 _SPACING = 0.017

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from jaxskel import JOINT_NAMES, JOINT_PARENTS, Recording, make_skeleton, pack_silhouettes, unpack_silhouettes
-from jaxskel._skeleton import MIRROR_JOINTS, TIP_PARENTS
+from jaxskel.body import MIRROR_JOINTS, TIP_PARENTS
 
 EDGE_SHIFT = 2
 """An outline is off by at most this (px)."""

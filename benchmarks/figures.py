@@ -22,7 +22,7 @@ from _runs import Run, made_from, read_run, reconstruct_run, score_run, write_ru
 from _table import clip_and_body, paper_dict, table_dict, table_markdown
 
 from jaxskel import read_recording
-from jaxskel.metrics import join_scores
+from jaxskel.poses.metrics import join_scores
 
 _HAND_CLIP = "13_18"
 """The sequence of Figure 4(a)."""

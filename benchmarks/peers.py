@@ -33,16 +33,17 @@ from _peers_pose import dtaidistance_matrices, scipy_refinement
 from _presets import PRESETS
 from _whole import start_up, throughput
 
-from jaxskel import LevenbergMarquardt, carve, paper_settings, prepare, read_recording, unpack_silhouettes
-from jaxskel._descriptors import describe_ends, template_ends
-from jaxskel._hull import VisualHulls
-from jaxskel._initialise import initial_poses
-from jaxskel._match import cost_matrices
-from jaxskel._observe import labelled_limbs, observed_graph, see_people, skeletal_graphs
-from jaxskel._parallel import keep_to
-from jaxskel._pipeline import BATCH
-from jaxskel._refine import refine_frames
-from jaxskel._stacks import single_precision, taken
+from jaxskel import paper_settings, prepare, read_recording, unpack_silhouettes
+from jaxskel._runtime.batching import single_precision, taken
+from jaxskel._runtime.cores import keep_to
+from jaxskel.graph import skeletal_graphs
+from jaxskel.hull import VisualHulls, carve, see_people
+from jaxskel.matching import cost_matrices, describe_ends, labelled_limbs, template_ends
+from jaxskel.pipeline._evidence import observed_graph
+from jaxskel.pipeline._reconstruct import BATCH
+from jaxskel.refinement import refine_frames
+from jaxskel.refinement.solvers import LevenbergMarquardt
+from jaxskel.search import initial_poses
 
 STAGES = ("carve", "graph", "dtw", "refine", "whole")
 _FEW = 2
@@ -58,13 +59,15 @@ class Bench:
         self.recording = read_recording(path)
         self.settings = paper_settings()
         self.prepared = prepare(self.recording, self.settings)
-        self.cameras = self.recording.cameras.rotated(self.prepared.to_z_up)
+        self.cameras = self.prepared.cameras
         self.silhouettes = np.ascontiguousarray(self.recording.silhouettes[:BATCH])
-        seen = see_people(self.silhouettes, self.cameras, self.prepared)
+        seen = see_people(
+            self.silhouettes, self.prepared.cameras, self.prepared.table, self.prepared.edge, self.prepared.max_misses
+        )
         assert seen.hulls is not None, f"{path}: no hull in the first {BATCH} frames"
         self.hulls = seen.hulls
-        self.roots = self.settings.root.roots(self.hulls, self.prepared.skeleton)
-        self.graphs = skeletal_graphs(self.hulls, self.roots, self.settings.min_branch)
+        self.roots = self.settings.graph.root_finder.roots(self.hulls, self.prepared.skeleton)
+        self.graphs = skeletal_graphs(self.hulls, self.roots, self.settings.graph.min_branch)
 
     def carve(self) -> None:
         """Packed masks to hulls; the others get the masks unpacked."""
@@ -118,8 +121,8 @@ class Bench:
 
     def refine(self) -> None:
         """The paper's objective with exact bones, a batch of 64; SciPy's costs beside ours."""
-        s = self.settings
-        limbs, facing, _ = labelled_limbs(self.graphs, self.prepared.skeleton, s)
+        s, matching = self.settings.refinement, self.settings.matching
+        limbs, facing, _ = labelled_limbs(self.graphs, self.prepared.skeleton, matching.matcher, matching.descriptor)
         frames = np.resize(np.arange(len(limbs.paths)), 64)
         skeleton, objective = single_precision((self.prepared.skeleton, s.objective_for(self.prepared.body)))
         start = initial_poses(limbs, facing, skeleton)

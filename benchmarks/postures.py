@@ -25,7 +25,8 @@ from jaxskel import (
     reconstruct_batches,
     unpack_silhouettes,
 )
-from jaxskel.overlays import draw_silhouette, draw_skeleton, tile, write_image
+from jaxskel._runtime.picture_files import write_image
+from jaxskel.visualization import draw_silhouette, draw_skeleton, tile
 
 _MARGIN = 0.15  # around the person, as a share of the longer side of what is shown
 

@@ -18,19 +18,18 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxskel import (
-    Refined,
     RefinementProblem,
     Settings,
-    default_solver,
     paper_settings,
     read_recording,
     refine_frames,
     refine_sequence,
     refinement_problem,
-    sequence_solver,
 )
 from jaxskel.cli._cache import keep_compiled
-from jaxskel.terms import Smoothness, from_function
+from jaxskel.refinement import Refined
+from jaxskel.refinement.solvers import default_solver, sequence_solver
+from jaxskel.refinement.terms import Smoothness, from_function
 
 ALONE = 64
 # Poses that were refined before are near their goals: two looks at the correspondences will do.
@@ -71,13 +70,15 @@ def alone(name: str, problem: RefinementProblem, settings: Settings, repeat: int
     """Frames by themselves: first from the start, then again from there."""
     count = min(ALONE, len(problem.frames))
     initial, observed = jax.tree.map(lambda a: a[:count], (problem.initial, problem.observed))
-    objective = settings.objective_for(problem.body).plus(reach=from_function(reach, 1.0, np.zeros(3), weight=0.01))
+    objective = settings.refinement.objective_for(problem.body).plus(
+        reach=from_function(reach, 1.0, np.zeros(3), weight=0.01)
+    )
     solver = default_solver()
 
     def solved(objective, initial) -> Refined:
         return refine_frames(
-            objective, settings.parametrisation, solver, problem.skeleton, initial, observed,
-            _ROUNDS, settings.max_steps,
+            objective, settings.refinement.parametrisation, solver, problem.skeleton, initial, observed,
+            _ROUNDS, settings.refinement.max_steps,
         )  # fmt: skip
 
     first = solved(objective, initial)
@@ -94,13 +95,13 @@ def alone(name: str, problem: RefinementProblem, settings: Settings, repeat: int
 
 def together(name: str, problem: RefinementProblem, settings: Settings, fps: float, repeat: int) -> None:
     """All frames at once."""
-    objective = settings.objective_for(problem.body).plus(smooth=Smoothness(fps=fps, weight=0.02))
+    objective = settings.refinement.objective_for(problem.body).plus(smooth=Smoothness(fps=fps, weight=0.02))
     solver = sequence_solver()
 
     def solved() -> Refined:
         return refine_sequence(
-            objective, settings.parametrisation, solver, problem.skeleton, problem.initial, problem.observed,
-            settings.rounds,
+            objective, settings.refinement.parametrisation, solver, problem.skeleton, problem.initial, problem.observed,
+            settings.refinement.rounds,
         )  # fmt: skip
 
     solved()

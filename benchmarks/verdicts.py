@@ -19,7 +19,7 @@ import equinox as eqx
 import numpy as np
 
 from jaxskel import Recording, pack_silhouettes, unpack_silhouettes
-from jaxskel.io import read_recording
+from jaxskel.io.recordings import read_recording
 from jaxskel.verdict import Verdict, judge
 
 # Frames that are kept of a film: the script holds all of them in memory, unpacked.

@@ -4,7 +4,7 @@ import signal
 import jax
 import pytest
 
-from jaxskel._kept import Kept
+from jaxskel._runtime.compile_cache import Kept
 
 # A shell that starts a job in the background lets it ignore interrupts, and all that the job starts.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

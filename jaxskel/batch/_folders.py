@@ -5,11 +5,10 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from .._poses import Poses
-from ..io import write_poses
-from ..io._archive import fault
-from ..io._ours import is_ours
-from ..io.inputs import holds_silhouettes
+from ..io.files import fault, is_ours
+from ..io.poses import write_poses
+from ..io.recordings import holds_silhouettes
+from ..poses import Poses
 from ._disk import remove_unfinished, to_disk
 from ._inputs import Input, read_inputs
 from ._journal import Journal, discard_journal

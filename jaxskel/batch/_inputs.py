@@ -6,8 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..io._archive import fault
-from ..io._bounded import open_regular
+from ..io.files import fault, open_regular
 
 # Read at once (bytes); after each, whoever waits is told that it goes on.
 _BLOCK = 1 << 22

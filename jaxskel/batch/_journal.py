@@ -10,11 +10,11 @@ from typing import Any
 import jax
 import numpy as np
 
-from .._files import written_whole
-from .._poses import Poses
-from .._skeleton import Pose
-from .._track import Track
-from ..io._archive import numbers, read_arrays, texts
+from .._runtime.atomic_files import written_whole
+from ..body import Pose
+from ..io.files import numbers, read_arrays, texts
+from ..poses import Poses
+from ..search import Track
 from ._disk import remove_unfinished
 
 _ROW = np.dtype([

@@ -11,11 +11,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from .._files import written_whole
-from .._kept import digest_of_code
-from .._poses import Poses
-from ..io._archive import fault
-from ..io._bounded import open_regular, read_bounded
+from .._runtime.atomic_files import written_whole
+from .._runtime.code_digest import digest_of_definitions
+from ..io.files import fault, open_regular, read_bounded
+from ..poses import Poses
 from ._inputs import Input, same_contents
 
 # A result depends on these too, but a new release of one of them is no reason to compute it again.
@@ -115,9 +114,9 @@ def failed(work: Work, problem: str, trace: str | None = None) -> Manifest:
 
 @cache
 def current_version() -> str:
-    """The package's version; while it is developed, with a digest of its code."""
+    """The package's version; while it is developed, with a digest of its definitions."""
     number = version("jaxskel")
-    return f"{number}+{digest_of_code()[:12]}" if "dev" in number else number
+    return f"{number}+{digest_of_definitions()[:12]}" if "dev" in number else number
 
 
 def write_manifest(path: Path, manifest: Manifest) -> None:

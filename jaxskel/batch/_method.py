@@ -7,9 +7,10 @@ from typing import Any
 
 import equinox as eqx
 
-from .._recording import Recording
-from .._settings import Settings
-from ..io import read_body, read_recording, read_subject
+from ..io.recordings import read_recording
+from ..io.subjects import read_body, read_subject
+from ..pipeline import Settings
+from ..recording import Recording
 from ._described import described
 
 

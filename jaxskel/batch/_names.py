@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 from urllib.parse import quote
 
-from ..io._archive import fault
+from ..io.files import fault
 
 MANIFEST_FILE = "manifest.json"
 POSES_FILES = ("poses.npz", "poses.csv")

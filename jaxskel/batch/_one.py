@@ -12,11 +12,9 @@ import equinox as eqx
 import jax
 from filelock import FileLock, Timeout
 
-from .._advice import advice
-from .._pipeline import batches_from
-from .._prepare import prepare
-from .._silhouettes import AbstractSilhouettes
-from .._smooth import smooth
+from ..pipeline import advice, batches_from, prepare
+from ..poses import smooth
+from ..recording import AbstractSilhouettes
 from ..verdict import doubts_before_work
 from ._folders import ResultFolder
 from ._manifest import Manifest, Work, current_version, done, failed

@@ -4,8 +4,8 @@ import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from ..io._archive import fault
-from ..io.inputs import input_paths
+from ..io.files import fault
+from ..io.recordings import input_paths
 from ._folders import ResultFolder
 from ._sources import Source
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from ..io._archive import fault
+from ..io.files import fault
 from ._folders import ResultFolder
 from ._overlaps import check_overlaps
 from ._sources import Source

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Int, UInt8
 
-from .._silhouettes import AbstractSilhouettes
-from ..io.inputs import input_paths
+from ..io.recordings import input_paths
+from ..recording import AbstractSilhouettes
 from ._inputs import moment, read_inputs
 from ._manifest import Work, current_version
 from ._method import Method

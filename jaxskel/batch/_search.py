@@ -5,9 +5,8 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from ..io._archive import fault
-from ..io.folders import RECORDING_FILE
-from ..io.inputs import holds_silhouettes
+from ..io.files import fault
+from ..io.recordings import RECORDING_FILE, holds_silhouettes
 from ._manifest import is_manifest
 from ._names import MANIFEST_FILE, POSES_FILES
 

@@ -5,9 +5,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from ..io._archive import fault
-from ..io._bounded import read_bounded
-from ..io.folders import RECORDING_FILE
+from ..io.files import fault, read_bounded
+from ..io.recordings import RECORDING_FILE
 from ._names import check_name
 from ._search import is_pattern, is_recording, matches, recordings_below
 

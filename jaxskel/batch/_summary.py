@@ -6,9 +6,8 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-from .._files import written_whole
-from ..io._archive import fault
-from ..io._bounded import open_regular
+from .._runtime.atomic_files import written_whole
+from ..io.files import fault, open_regular
 from ._manifest import Manifest, is_manifest, read_manifest
 from ._names import FAILED_SUFFIX, MANIFEST_FILE
 

@@ -14,8 +14,8 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
 
-from .._cores import take_core
-from .._plain import plain
+from .._runtime.cores import take_core
+from .._runtime.plain_text import plain
 from ._folders import ResultFolder
 from ._manifest import Manifest, Work, current_version, failed
 from ._method import Method

@@ -12,7 +12,6 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from .._settings import HullSettings
 from ..batch import (
     PROCESS_BYTES,
     TIMEOUT,
@@ -27,8 +26,10 @@ from ..batch import (
     run_batch,
 )
 from ..batch import Progress as Frames
-from ..io import read_subject
-from ._run import Box, MaxMisses, Preset, PresetOption, Smooth, Spacing, Subject, Track, check_output, make_settings
+from ..io.subjects import read_subject
+from ..pipeline import HullSettings
+from ._outputs import check_output
+from ._run import Box, MaxMisses, Preset, PresetOption, Smooth, Spacing, Subject, Track, make_settings
 from ._say import cell, say, warn
 from ._slurm import stop_when_told, submit
 from ._verdict import Anyway

@@ -7,8 +7,8 @@ from pathlib import Path
 import jax
 from platformdirs import user_cache_path
 
-from .._kept import processor
-from .._private import is_private, make_private, say_shared
+from .._runtime.compile_cache import processor
+from .._runtime.private_folders import is_private, make_private, say_shared
 
 
 def keep_compiled() -> None:

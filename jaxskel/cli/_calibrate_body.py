@@ -7,12 +7,11 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from .._calibrate_body import FRAMES, STAGES, CalibratedBody
-from .._calibrate_body import calibrate_body as found_body
-from .._settings import HullSettings
-from ..io import read_recording, write_subject
-from ..io._ours import is_ours
-from ..io.folders import SUBJECT_FILE
+from ..io.files import is_ours
+from ..io.recordings import SUBJECT_FILE, read_recording
+from ..io.subjects import write_subject
+from ..pipeline import FRAMES, STAGES, CalibratedBody, HullSettings
+from ..pipeline import calibrate_body as found_body
 from ._outputs import chosen_file, files_of
 from ._progress import progress_bar
 from ._run import MaxMisses, Preset, Recorded, Spacing, make_settings

@@ -8,11 +8,11 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from .._lens import FISHEYE_COEFFICIENTS
-from .._recording import pack_silhouettes
-from ..boards import Board, BoardCalibration, Intrinsics, board_intrinsics, some_frames
-from ..boards import calibrate_cameras as found_cameras
+from ..camera_calibration.from_boards import Board, BoardCalibration, Intrinsics, board_intrinsics, some_frames
+from ..camera_calibration.from_boards import calibrate_cameras as found_cameras
+from ..cameras import FISHEYE_COEFFICIENTS
 from ..io.calibrations import read_calibration, write_pose2sim_calibration
+from ..recording import pack_silhouettes
 from ._outputs import chosen_file
 from ._ranges import check_number
 from ._say import cell, say

@@ -1,6 +1,5 @@
 """`jaxskel check`: is the input as it should be? A verdict, and a picture of voxel box and hull in every view."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -9,19 +8,13 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from .._carve import carve
-from .._grid import VoxelGrid
-from .._hull import VisualHulls
-from .._pictures import PICTURES, write_image
-from .._pipeline import prepare
-from .._prepared import Prepared
-from .._recording import Recording, unpack_silhouettes
-from .._reproject import agreement, reproject
-from .._settings import HullSettings
-from .._views import lost_views, silhouette_areas
-from ..io import read_recording
-from ..overlays import draw_box, draw_hull, draw_silhouette, tile
+from .._runtime.picture_files import PICTURES, write_image
+from ..hull import VisualHulls, VoxelGrid, agreement, carve, reproject
+from ..io.recordings import read_recording
+from ..pipeline import HullSettings, Prepared, prepare
+from ..recording import Recording, lost_views, silhouette_areas, unpack_silhouettes
 from ..verdict import Severity, Verdict, judge
+from ..visualization import draw_box, draw_hull, draw_silhouette, tile
 from ._outputs import chosen_file, files_of
 from ._run import Box, MaxMisses, Preset, Recorded, Spacing, make_settings
 from ._say import cell, say
@@ -51,7 +44,7 @@ def check(
         raise ValueError(f"{source}: there is no frame {drawn}; give 0 to {len(recording) - 1}")
     verdict = judge(recording, thorough=True)
     # No pose is needed, hence no body.
-    prepared = prepare(recording, replace(settings, search=None))
+    prepared = prepare(recording, settings, calibrate=False)
     place = f"{source}"
     if prepared.table is not None:
         _draw(recording, prepared, verdict, drawn, output)

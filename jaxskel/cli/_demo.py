@@ -8,13 +8,14 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from .._pictures import write_image
-from .._pipeline import Settings
-from .._recording import Recording, unpack_silhouettes
-from ..io import write_poses, write_recording
-from ..metrics import score, score_table
-from ..overlays import draw_silhouette, draw_skeleton, tile
+from .._runtime.picture_files import write_image
+from ..io.poses import write_poses
+from ..io.recordings import write_recording
+from ..pipeline import Settings
+from ..poses import score, score_table
+from ..recording import Recording, unpack_silhouettes
 from ..synthetic import camera_ring, make_scene
+from ..visualization import draw_silhouette, draw_skeleton, tile
 from ._evaluate import SCORE_FILES, write_score
 from ._outputs import check_output
 from ._progress import StageTimes, progress_bar, reconstruct_with_progress, summary
@@ -48,7 +49,7 @@ def demo(
     result = score(poses.joints.astype(np.float64), recording.truth.joints, poses.has_pose)
     write_score(output, result)
     write_image(output / "views.png", _views(recording, poses.joints))
-    from ..figures import plot_stages  # imports Matplotlib, which only some commands need
+    from ..visualization import plot_stages
 
     plot_stages(recording, prepared, Settings(), frame=int(0.55 * frames), path=output / "stages.png")
 

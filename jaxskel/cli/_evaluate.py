@@ -8,12 +8,10 @@ import numpy as np
 import typer
 from rich.console import Console
 
-from .._files import written_whole
-from .._poses import Poses
-from .._recording import Truth
-from .._rows import rows_by_index
-from ..io import read_poses, read_truth
-from ..metrics import Score, score, score_table
+from .._runtime.atomic_files import written_whole
+from ..io.poses import read_poses, read_truth
+from ..poses import Poses, Score, score, score_table
+from ..recording import Truth, rows_by_index
 from ._outputs import check_output
 from ._poseless import end_without_pose
 from ._say import say
@@ -51,7 +49,7 @@ def write_score(folder: Path, result: Score) -> Path:
     figures, picture = (folder / name for name in SCORE_FILES)
     with written_whole(figures) as file:
         file.write((json.dumps(result.to_dict(), indent=1) + "\n").encode())
-    from ..plots import plot_score  # imports Matplotlib, which only some commands need
+    from ..visualization import plot_score
 
     plot_score(result, picture)
     return figures

@@ -5,10 +5,9 @@ from typing import Annotated
 
 import typer
 
-from .._poses import Poses
-from .._recording import UP_AXES
-from ..io import read_poses, write_bvh, write_c3d, write_table, write_trc
-from ..io.markers import with_up
+from ..io.poses import read_poses, with_up, write_bvh, write_c3d, write_table, write_trc
+from ..poses import Poses
+from ..recording import UP_AXES
 from ._outputs import check_output_file
 from ._poseless import end_without_pose
 from ._say import say

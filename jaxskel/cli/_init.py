@@ -5,11 +5,10 @@ from typing import Annotated
 
 import typer
 
-from .._files import check_writable, written_whole
-from .._image_change import ImageChange
-from ..io._changed_images import read_change
-from ..io.folders import RECORDING_FILE
+from .._runtime.atomic_files import check_writable, written_whole
+from ..cameras import ImageChange
 from ..io.proposals import propose_recording
+from ..io.recordings import RECORDING_FILE, read_change
 from ._say import say
 
 

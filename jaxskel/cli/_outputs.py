@@ -8,11 +8,9 @@ import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from .._files import check_replaceable, check_writable
-from ..io._bounded import check_regular
-from ..io._ours import is_ours
-from ..io.folders import RECORDING_FILE
-from ..io.inputs import input_paths
+from .._runtime.atomic_files import check_replaceable, check_writable
+from ..io.files import check_regular, is_ours
+from ..io.recordings import RECORDING_FILE, input_paths
 from ..io.views import is_image
 
 # Of a folder with a calibration in it.

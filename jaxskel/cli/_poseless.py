@@ -4,7 +4,7 @@ from pathlib import Path
 
 import typer
 
-from .._poses import Poses
+from ..poses import Poses
 from ._say import warn
 
 

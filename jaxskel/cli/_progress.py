@@ -8,10 +8,9 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
-from .._parallel import reconstruct_parallel
-from .._pipeline import Prepared, Settings, prepare, reconstruct_batches
-from .._poses import Poses, join_poses
-from .._recording import Recording
+from ..pipeline import Prepared, Settings, prepare, reconstruct_batches, reconstruct_parallel
+from ..poses import Poses, join_poses
+from ..recording import Recording
 
 # A joint less sure than this is as likely to be elsewhere.
 _DOUBTFUL = 0.5

@@ -8,10 +8,11 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from .._camera import Cameras
-from .._refine_cameras import FRAMES, RefinedCameras
-from .._refine_cameras import refine_cameras as refined
-from ..io import read_recording, write_calibration, write_pose2sim_calibration
+from ..camera_calibration.from_silhouettes import FRAMES, RefinedCameras
+from ..camera_calibration.from_silhouettes import refine_cameras as refined
+from ..cameras import Cameras
+from ..io.calibrations import write_calibration, write_pose2sim_calibration
+from ..io.recordings import read_recording
 from ._outputs import chosen_file, files_of
 from ._ranges import check_number
 from ._run import Recorded

@@ -5,8 +5,9 @@ from typing import Annotated
 
 import typer
 
-from ..io import read_poses, read_recording
-from ..report import LIMIT, write_report
+from ..io.poses import read_poses
+from ..io.recordings import read_recording
+from ..visualization.report import LIMIT, write_report
 from ._outputs import chosen_file, files_of
 from ._poseless import end_without_pose
 from ._progress import progress_bar

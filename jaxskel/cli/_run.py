@@ -8,12 +8,11 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from .._advice import advice
-from .._settings import HullSettings, Settings, paper_settings
-from .._smooth import smooth
-from .._track import Tracking
 from ..batch import Method
-from ..io import write_poses
+from ..io.poses import write_poses
+from ..pipeline import HullSettings, Settings, advice, paper_settings
+from ..poses import smooth
+from ..search import Tracking
 from ..verdict import doubts_before_work
 from ._outputs import check_output as check_output
 from ._outputs import check_output_file as check_output_file

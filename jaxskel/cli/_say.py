@@ -4,7 +4,7 @@ import sys
 
 from rich.text import Text
 
-from .._plain import plain
+from .._runtime.plain_text import plain
 
 
 def say(line: str) -> None:

@@ -17,7 +17,7 @@ from ..batch import (
     summary_row,
     write_summary,
 )
-from ._run import check_output_file
+from ._outputs import check_output_file
 from ._say import cell, say
 
 

@@ -5,9 +5,10 @@ from typing import Annotated
 
 import typer
 
-from .._recording import Recording
-from .._settings import HullSettings
-from ..io import read_poses, read_recording
+from ..io.poses import read_poses
+from ..io.recordings import read_recording
+from ..pipeline import HullSettings
+from ..recording import Recording
 from ._outputs import check_output_file, files_of
 from ._poseless import end_without_pose
 from ._progress import progress_bar
@@ -34,8 +35,7 @@ def view(
     if save is not None and (save.suffix.lower() != ".rrd" or save.is_dir()):
         raise ValueError(f"{save}: the view is written to a file; give a name that ends in .rrd")
     try:
-        from ..view import save_view, show_view  # needs an extra, and takes a quarter of a second
-        from ..view._show import has_display
+        from ..visualization.viewer import has_display, save_view, show_view
     except ImportError as error:
         raise ValueError(str(error)) from None
     if save is None and not has_display():

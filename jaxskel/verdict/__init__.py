@@ -1,6 +1,6 @@
 """Before any pose: do the views of a recording agree, and is what they agree on a person?
 
-In comes a recording; out comes a verdict that names what is wrong, its likely cause and the guilty view.
+In: a `Recording`. Out: a `Verdict` that names what is wrong, its likely cause and the guilty view.
 """
 
 from ._gate import doubts_before_work as doubts_before_work

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Int
 
-from .._camera import Cameras
-from .._silhouettes import Silhouettes
+from ..cameras import Cameras
+from ..recording import Silhouettes
 from ._culprits import Culprits
 from ._frames import MOST_STEPS
 from ._repairs import DISCRETE, Masks

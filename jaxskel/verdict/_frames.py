@@ -3,8 +3,7 @@
 import numpy as np
 from jaxtyping import Int
 
-from .._silhouettes import Silhouettes
-from .._views import silhouette_areas
+from ..recording import Silhouettes, silhouette_areas
 
 # Frames that are looked at, to choose from.
 _CANDIDATES = 32

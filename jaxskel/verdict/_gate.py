@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from .._recording import Recording
+from ..recording import Recording
 from ._judge import Severity, judge
 
 

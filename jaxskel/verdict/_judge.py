@@ -6,7 +6,7 @@ from enum import IntEnum
 import numpy as np
 from jaxtyping import Bool, Float
 
-from .._recording import Recording
+from ..recording import Recording
 from ._causes import MOST_PERSON, Cause, Material, exchanged_views, moved_cause, out_of_step, simple_cause
 from ._culprits import Culprits, find_culprits
 from ._frames import telling_frames

@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy import ndimage
 
-from .._recording import UP_AXES
-from .._upright import upright
+from ..cameras import upright
+from ..recording import UP_AXES
 from ._scene import Scene
 from ._views import POINTS
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool
 
-from .._camera import Cameras
+from ..cameras import Cameras
 from ._repairs import Flipped, HalfTurn, Masks, Mirrored, QuarterTurn, Similarity
 from ._scene import Scene, make_scene
 

@@ -6,8 +6,8 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from .._camera import Cameras
-from .._votes import most_misses
+from ..cameras import Cameras
+from ..hull import most_misses
 from ._misfit import FrameEvidence, frame_evidence, frame_misfits, outside, with_view
 from ._views import Samples, Sight, samples_around, sights_of
 

@@ -8,10 +8,9 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
-from .._camera import Cameras, project
-from .._placement import body_middles
-from .._recording import pack_silhouettes, unpack_silhouettes
-from .._views import lost_views, person_boxes, silhouette_areas
+from ..cameras import Cameras, project
+from ..hull import body_middles
+from ..recording import lost_views, pack_silhouettes, person_boxes, silhouette_areas, unpack_silhouettes
 
 # Points along an edge of the cube around the person. 64 give the same misfits on the real recordings, to a tenth.
 POINTS = 48

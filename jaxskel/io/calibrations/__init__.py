@@ -1,4 +1,4 @@
-"""Calibrations of other tools: one reader a format, one validated type out."""
+"""Calibrations of other tools: one reader a format, one validated type out (`Calibration`)."""
 
 from ._calibration import Calibration as Calibration
 from ._calibration import Contents as Contents

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .._archive import fault, keys_of, numbers, read_arrays
-from .._bounded import read_bounded
+from ..files import fault, keys_of, numbers, read_arrays, read_bounded
 
 # Of all arrays of a calibration: a thousand cameras take a hundredth of this.
 _MAX_BYTES = 2**24

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .._archive import fault
+from ..files import fault
 from ._calibration import CameraEntry, Contents, camera_fault
 from ._folder import sorted_files
 from ._text import nearest_rotation, read_text, split_numbers

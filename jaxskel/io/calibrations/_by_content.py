@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from .._archive import fault
+from ..files import fault
 from . import _biocv, _middlebury, _motive, _skeletool, _totalcapture
 from ._calibration import Contents
 from ._metashape import read_metashape

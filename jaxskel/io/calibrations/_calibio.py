@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from .._archive import fault
+from ..files import fault
 from ._calibration import CameraEntry, Contents, camera_fault
 from ._json import given, table_of
 from ._text import from_quaternion, from_vector

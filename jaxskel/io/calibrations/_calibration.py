@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..._camera import Cameras, make_cameras
-from ..._lens import COEFFICIENTS, FISHEYE_COEFFICIENTS
-from .._archive import fault
+from ...cameras import COEFFICIENTS, FISHEYE_COEFFICIENTS, Cameras, make_cameras
+from ..files import fault
 
 # A camera of a motion-capture room stands within this many metres of its origin; farther means millimetres.
 _FARTHEST_CAMERA = 100.0

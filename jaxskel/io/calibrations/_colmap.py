@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..._lens import COEFFICIENTS, FISHEYE_COEFFICIENTS
-from .._archive import fault
+from ...cameras import COEFFICIENTS, FISHEYE_COEFFICIENTS
+from ..files import fault
 from ._calibration import CameraEntry, Contents, camera_fault
 from ._image_files import names_of_images
 from ._text import from_quaternion, read_text, split_numbers, to_number

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .._archive import fault
+from ..files import fault
 from ._calibration import Contents
 
 # Degrees between a camera's axis and the point that all look at. A person fills an image from edge to edge, 35 degrees

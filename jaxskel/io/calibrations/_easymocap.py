@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..._camera import Cameras
-from ..._files import written_whole
-from .._archive import fault
+from ..._runtime.atomic_files import written_whole
+from ...cameras import Cameras
+from ..files import fault
 from ._calibration import CameraEntry, Contents, camera_fault
 from ._opencv import matrix_numbers
 from ._opencv_yaml import Value, read_opencv_yaml, yaml_matrix

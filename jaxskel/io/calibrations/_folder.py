@@ -4,7 +4,7 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
-from .._archive import fault
+from ..files import fault
 from ._text import natural_order
 
 _MOST_FILES = 1000

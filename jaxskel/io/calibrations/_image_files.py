@@ -2,7 +2,7 @@
 
 from pathlib import Path, PurePosixPath
 
-from .._archive import fault
+from ..files import fault
 
 
 def names_of_images(path: Path, files: list[str]) -> list[str]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .._archive import fault
+from ..files import fault
 from ._calibration import camera_fault
 from ._text import numbers, read_text
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from .._archive import fault
+from ..files import fault
 from . import _anipose_json, _calibio, _multical, _nerf, _open3d, _panoptic, _voxelpose
 from ._calibration import Contents
 from ._direction import check_direction

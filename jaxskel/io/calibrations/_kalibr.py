@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .._archive import fault
+from ..files import fault
 from ._calibration import CameraEntry, Contents, camera_fault
 from ._opencv_yaml import words_of, yaml_blocks
 from ._text import natural_order, numbers, read_text

@@ -5,7 +5,7 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from .._archive import fault
+from ..files import fault
 from ._calibration import CameraEntry, Contents
 from ._text import read_text, split_numbers, to_number
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path, PurePosixPath
 
-from .._archive import fault
+from ..files import fault
 from ._calibration import CameraEntry, Contents
 from ._json import check_count, given, read_json, table_of
 from ._text import natural_order

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .._archive import fault
+from ..files import fault
 from ._calibration import CameraEntry, Contents, camera_fault
 from ._folder import sorted_files, sorted_folders
 from ._opencv_json import MARK, read_opencv_json

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from .._archive import fault
+from ..files import fault
 from ._opencv_yaml import Value, checked_matrix
 from ._text import read_text
 

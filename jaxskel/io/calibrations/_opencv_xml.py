@@ -3,7 +3,7 @@
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
-from .._archive import fault
+from ..files import fault
 from ._opencv_yaml import Value, checked_matrix, scalar, words_of
 from ._xml import read_xml
 

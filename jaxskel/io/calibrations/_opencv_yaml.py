@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .._archive import fault
+from ..files import fault
 from ._text import read_text, to_number
 
 _TAG = re.compile(r"^!!\S+\s*")

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from .._archive import fault
+from ..files import fault
 from ._archives import read_array, small_arrays
 from ._calibration import CameraEntry, Contents, camera_fault
 from ._text import natural_order, numbers, read_text, split_numbers

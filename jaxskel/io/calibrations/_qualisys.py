@@ -5,7 +5,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from .._archive import fault
+from ..files import fault
 from ._calibration import CameraEntry, Contents
 from ._qualisys_elements import PARTS, calibrated_cameras, in_pixels, intrinsics, name_of, sorted_contents, transform
 from ._qualisys_resolution import recorded

@@ -5,7 +5,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from .._archive import fault
+from ..files import fault
 from ._calibration import CameraEntry, Contents, camera_fault
 from ._text import natural_order
 from ._xml import attribute, read_xml

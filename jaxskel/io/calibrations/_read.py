@@ -4,7 +4,7 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-from .._archive import fault, keys_of
+from ..files import fault, keys_of
 from . import _biocv, _colmap, _easymocap, _mvhumannet
 from ._by_content import SUFFIXES, read_by_content
 from ._calibration import Calibration, Contents, validated

@@ -5,11 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from ..._camera import Cameras
-from ..._files import written_whole
-from ..._lens import FISHEYE_COEFFICIENTS
-from ..._recording import UP_AXES
-from .._archive import fault, numbers, short, switches, texts
+from ..._runtime.atomic_files import written_whole
+from ...cameras import FISHEYE_COEFFICIENTS, Cameras
+from ...recording import UP_AXES
+from ..files import fault, numbers, short, switches, texts
 from ._archives import checked_arrays
 from ._calibration import CameraEntry, Contents
 

@@ -8,8 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from .._archive import fault
-from .._bounded import read_bounded
+from ..files import fault, read_bounded
 from ._calibration import camera_fault
 
 # The largest calibrations (hundreds of cameras, or COLMAP's with its image points) are a tenth of this.

@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ..._camera import Cameras
-from ..._files import written_whole
-from .._ours import TOML_LINE
-from .._toml import parse_toml
+from ..._runtime.atomic_files import written_whole
+from ...cameras import Cameras
+from ..files import TOML_LINE, parse_toml
 from ._calibration import CameraEntry, Contents, camera_fault
 from ._text import natural_order, numbers, read_text, rotation, to_vector
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .._archive import fault
+from ..files import fault
 from ._calibration import CameraEntry, Contents, camera_fault
 from ._text import read_text, split_numbers
 

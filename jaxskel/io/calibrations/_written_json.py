@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from .._archive import fault
+from ..files import fault
 from ._calibration import CameraEntry, Contents, camera_fault
 from ._json import table_of
 from ._json_lens import has_lens, read_lens

@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from .._archive import fault
+from ..files import fault
 from ._calibration import camera_fault
 from ._text import read_text, split_numbers
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Shaped
 
-from ...backgrounds import Background, Cleaning
+from ...segmentation import Background, Cleaning
 
 
 @dataclass(frozen=True)

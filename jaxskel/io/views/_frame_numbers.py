@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .._archive import fault
+from ..files import fault
 from ._times import steps_of_times, times_of
 
 # Larger numbers are times: nobody has so many images.

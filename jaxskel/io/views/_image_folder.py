@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Shaped
 
-from .._archive import fault
-from .._images import Indexed, keeps_values, read_image, read_indexed
+from ..files import Indexed, fault, keeps_values, read_image, read_indexed
 from ._frame_numbers import number_images
 
 SUFFIXES = (".png", ".bmp", ".tif", ".tiff", ".jpg", ".jpeg", ".webp", ".gif", ".pbm", ".pgm", ".ppm", ".pnm")

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import UInt8
 
-from .._archive import fault
+from ..files import fault
 from ._image_folder import ImageFolder
 
 

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Shaped, UInt8, UInt16
 
-from .._archive import StoredRows, fault, numbers, read_arrays
-from .._bounded import check_pixels
+from ..files import StoredRows, check_pixels, fault, numbers, read_arrays
 
 
 class MaskArchive:

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from jaxtyping import Shaped
 
-from .._archive import fault
+from ..files import fault
 from ._frames import Frames
 from ._image_folder import ImageFolder
 from ._indexed_folder import labelled

@@ -7,8 +7,7 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
-from .._archive import fault
-from .._capture import grab, opened, retrieve, size_of
+from ..files import fault, grab, opened, retrieve, size_of
 
 VIDEO_SUFFIXES = (".avi", ".mp4", ".mov", ".mkv", ".m4v", ".webm", ".mpg", ".mpeg", ".wmv")
 _MOST_FRAMES = 10_000_000  # a day at 100 frames a second: a header that claims more is damaged

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool
 
-from .._archive import fault
+from ..files import fault
 from ._frames import Frames
 from ._masks import Matte
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Int, UInt8
 
-from ..._silhouettes import AbstractSilhouettes
+from ...recording import AbstractSilhouettes
 from ._view import View
 
 

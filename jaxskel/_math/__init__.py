@@ -1,0 +1,1 @@
+"""Mathematics without people: rotations, connected components."""

@@ -1,0 +1,148 @@
+"""A subject's dimensions as unknowns: symmetric bone lengths, and the flesh around them, relative to a template."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ._capsule_body import BALL_NAMES, BALL_SIDES, FREE_BALLS, LIKE_BALL, Body, make_body
+from ._population import adults
+from ._skeleton import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES, TIP_PARENTS, Skeleton, make_skeleton
+
+LENGTH_NAMES = (
+    "trunk", "neck", "shoulder", "upper_arm", "forearm", "hip", "thigh", "shank", "head_top", "fingertip", "toetip",
+)  # fmt: skip
+"""Lengths of a symmetric skeleton, in the words of a subject's file; left and right are alike."""
+_ENDS = (
+    "neck", "head", "shoulder", "elbow", "hand", "hip", "knee", "foot", "head_top", "fingertip", "toetip",
+)  # fmt: skip
+_POINTS = JOINT_NAMES + TIP_NAMES
+_PARENTS = np.array(JOINT_PARENTS + TIP_PARENTS, np.int32)
+_LENGTH_OF_POINT = np.array([_ENDS.index(name.removeprefix("l_").removeprefix("r_")) for name in _POINTS[1:]], np.int32)
+_FINGERTIPS = np.array([_POINTS.index("l_fingertip"), _POINTS.index("r_fingertip")], np.int32)
+_THINNEST = 0.010  # m, of a ball
+QUANTITIES = [*LENGTH_NAMES, "fingers front", "fingers out"] + [
+    f"{BALL_NAMES[ball].removeprefix('l_')} {what}" for ball in FREE_BALLS for what in ("front", "out", "up", "radius")
+]
+"""The unknowns in a row: lengths, fingers, then the shift of each free ball and its radius."""
+FLESH_FROM = len(LENGTH_NAMES) + 2
+
+# People differ from the adults of the table in ways that it does not know: lengths (share), where a joint centre is by
+# definition (m), and flesh (share of the stature).
+_SHARE, _CENTRE, _FLESH = 0.01, 0.002, 0.001
+# Of hands the table knows the way to the palm only: fingers may be open or closed (m; share; tangent of an angle).
+_HAND_PLAYS = {"palm": 0.006, "finger": 0.015}
+_FINGERTIP_PLAY, _FINGERS_PLAY = 0.15, 5.0
+# Hands that hold nothing flat are half closed: fingers point inwards (tangent), and reach less far than flat ones.
+_CLOSED, _SHORTER = -3.0, -0.4
+_NO_PLAY = 1e-6
+
+
+class Shape(eqx.Module):
+    """What makes a subject's body differ from the average body around a template; zeros are no difference."""
+
+    lengths: Float[Array | np.ndarray, "lengths=11"]
+    """Logarithm of each length, in the order of `LENGTH_NAMES`, relative to the template's."""
+    fingers: Float[Array | np.ndarray, "2"]
+    """Tilt of the left fingers to the front and to the left, in tangents."""
+    balls: Float[Array | np.ndarray, "free=20 4"]
+    """Shift of each of `FREE_BALLS` (m), and what its radius is larger by (m)."""
+
+    @classmethod
+    def of(cls, vector: Float[Array | np.ndarray, " unknowns"]) -> "Shape":
+        """All unknowns in a row."""
+        return cls(vector[:11], vector[11:13], vector[13:].reshape(-1, 4))
+
+    @property
+    def vector(self) -> Float[np.ndarray, " unknowns"]:
+        """All unknowns in a row."""
+        return np.concatenate([np.ravel(part) for part in (self.lengths, self.fingers, self.balls)])
+
+
+def lengths_of(skeleton: Skeleton) -> Float[np.ndarray, "lengths=11"]:
+    """The lengths of a skeleton in the order of `LENGTH_NAMES` (m): means of left and right."""
+    every = np.concatenate([skeleton.bone_lengths, skeleton.tip_lengths])
+    return np.array([every[_LENGTH_OF_POINT == length].mean() for length in range(len(LENGTH_NAMES))])
+
+
+def shaped_skeleton(template: Skeleton, shape: Shape) -> Skeleton:
+    """The template with other lengths; only the fingers at rest point another way. It can be differentiated."""
+    points = jnp.concatenate([jnp.asarray(template.rest_joints), jnp.asarray(template.rest_tips)])
+    bones = points[1:] - points[_PARENTS[1:]]
+    fingers = bones[_FINGERS_TO]
+    size = jnp.linalg.norm(fingers, axis=-1, keepdims=True)
+    tilt = jnp.stack([jnp.append(jnp.asarray(shape.fingers) * jnp.array([1.0, side]), 0.0) for side in (1.0, -1.0)])
+    along = fingers / size
+    tilted = along + tilt - (tilt * along).sum(-1, keepdims=True) * along
+    bones = bones.at[_FINGERS_TO].set(size * tilted / jnp.linalg.norm(tilted, axis=-1, keepdims=True))
+    bones = bones * jnp.exp(jnp.asarray(shape.lengths))[_LENGTH_OF_POINT][:, None]
+    built = points[:1] + _BONES_TO @ bones
+    return Skeleton(built[: len(JOINT_NAMES)], built[len(JOINT_NAMES) :])
+
+
+def shaped_body(template: Skeleton, shape: Shape) -> Body:
+    """The body that the unknowns stand for. It can be differentiated."""
+    body = make_body(shaped_skeleton(template, shape))
+    own = jnp.asarray(shape.balls)[LIKE_BALL]
+    sides = np.stack([np.ones_like(BALL_SIDES), BALL_SIDES, np.ones_like(BALL_SIDES)], -1).astype(np.float32)
+    radii = jnp.maximum(body.radii + own[:, 3], _THINNEST)
+    return Body(body.skeleton, body.segments, body.offsets + own[:, :3] * sides, radii, body.links)
+
+
+def measured_body(template: Skeleton, shape: Shape) -> Body:
+    """The same as NumPy arrays in double precision, the skeleton checked."""
+    body = shaped_body(template, shape)
+    offsets, radii = (np.asarray(a, np.float64) for a in (body.offsets, body.radii))
+    skeleton = make_skeleton(np.asarray(body.skeleton.rest_joints), np.asarray(body.skeleton.rest_tips))
+    return Body(skeleton, body.segments, offsets, radii, body.links)
+
+
+class Prior(NamedTuple):
+    """What is known about a subject before anything is seen."""
+
+    mean: Shape
+    precision: Float[np.ndarray, "unknowns unknowns"]
+    """Inverse covariance of the unknowns in a row; the common scale of all lengths is free."""
+
+
+def adults_prior(template: Skeleton) -> Prior:
+    """How adults differ from a template, see [`adults`][jaxskel.body.adults]; their hands are half closed."""
+    table, height, count = adults(), float(template.height), len(QUANTITIES)
+    size = np.where(np.arange(count) < FLESH_FROM, 1.0, height)[:, None]
+    mean, rest, axes = np.zeros((count, 1)), np.zeros((count, 1)), np.zeros((count, table.axes.shape[1]))
+    known = [QUANTITIES.index(name) for name in table.names]
+    mean[known, 0], rest[known, 0], axes[known] = table.means, table.rest, table.axes
+    mean, rest, axes = (size * mean)[:, 0], np.hypot(size * rest, _unlike(template)[:, None])[:, 0], size * axes
+    mean[QUANTITIES.index("fingers out")], mean[QUANTITIES.index("fingertip")] = _CLOSED, _SHORTER
+    precision = np.linalg.inv(axes @ axes.T + np.diag(rest**2))
+    scale = precision[:, : len(LENGTH_NAMES)].sum(1)
+    precision -= np.outer(scale, scale) / scale[: len(LENGTH_NAMES)].sum()
+    return Prior(Shape.of(mean), precision)
+
+
+def _unlike(template: Skeleton) -> Float[np.ndarray, " unknowns"]:
+    """Standard deviation of each unknown that the table of adults knows nothing of."""
+    lengths = np.sqrt(_SHARE**2 + (_CENTRE / lengths_of(template)) ** 2)
+    lengths[LENGTH_NAMES.index("fingertip")] = _FINGERTIP_PLAY
+    flesh = np.full(len(QUANTITIES) - FLESH_FROM, _FLESH * float(template.height))
+    for place, quantity in enumerate(QUANTITIES[FLESH_FROM:]):
+        ball, what = quantity.split()
+        flesh[place] = _HAND_PLAYS.get(ball, flesh[place])
+        if what == "out" and ball in BALL_NAMES:  # balls of the middle stay there
+            flesh[place] = _NO_PLAY
+    return np.concatenate([lengths, [_FINGERS_PLAY, _FINGERS_PLAY], flesh])
+
+
+def _bones_to() -> Float[np.ndarray, "points=20 bones=19"]:
+    """Which bones lie on the way from the pelvis to each joint and tip."""
+    ways = np.zeros((len(_POINTS), len(_POINTS) - 1), np.float32)
+    for point in range(1, len(_POINTS)):
+        ways[point] = ways[_PARENTS[point]]
+        ways[point, point - 1] = 1
+    return ways
+
+
+_BONES_TO = _bones_to()
+_FINGERS_TO = _FINGERTIPS - 1

@@ -1,0 +1,211 @@
+"""Bundle adjustment: the dimensions of a body and its poses in many frames at once.
+
+Gauss-Newton with look-ups frozen for each step. The unknowns of a pose meet only those of the body, so each frame's
+are eliminated before the body's are solved for (Schur complement), and the work grows linearly with the frames.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from .._runtime.batching import single_precision
+from .._runtime.compile_cache import kept
+from ..body import LENGTH_NAMES, LINKS, Body, Pose, Prior, Shape, Skeleton, ball_centres, shaped_body
+from ..refinement.parametrisations import HingedLimbs
+from ..refinement.terms import (
+    CapsuleTerm,
+    ContourContact,
+    InsideSilhouettes,
+    Objective,
+    Observed,
+    place,
+    volume_objective,
+)
+from ._shape_quadrics import contour_quadrics, inside_quadrics
+
+_HINGED = HingedLimbs()
+_POSE = jax.eval_shape(_HINGED.unknowns).size  # traced only: see `fit_scales`
+# The outlines of a well fitted body are 5 mm off; so few of a frame's 3600 rays are taken as measurements of their own
+# with that deviation: one for about every capsule. In the objective of single frames it is one in ten of them, because
+# there the pose may give way instead of the body.
+_MEASUREMENTS, _DEVIATION = 30, 0.005
+_CONTOURS = _MEASUREMENTS / _DEVIATION**2
+# As much weaker as in `volume_objective`.
+_INSIDE = _CONTOURS * 7e4 / 1.2e5
+# Rays farther from the body (m) count for little, on either side: a body too fat is as wrong as one too thin.
+_SCALE = 0.018
+# Poses of rest are a help where nothing is seen, but pull all lengths the same way.
+_REST = 0.3
+# How well joints that are known agree with a chain of rigid bones (m).
+_KNOWN = 0.003
+# Of the normal matrix: absolute for poses, and as a share of its diagonal.
+_DAMPING, _RELATIVE_DAMPING = 0.1, 1e-3
+# A step is not trusted farther than this: of a pose (m, rad), of a length (logarithm), of a ball (m).
+_POSE_REACH, _LENGTH_REACH, _BALL_REACH = 0.4, 0.1, 0.02
+# Model errors are alike in all frames: for the deviations one frame in so many counts.
+_ALIKE = 4
+
+
+class Adjusted(NamedTuple):
+    """What one or several steps have led to."""
+
+    shape: Shape
+    poses: Pose
+    """Axis ``frames``."""
+    deviations: Float[np.ndarray, "lengths=11"]
+    """Standard deviation of each length, as a share of it."""
+    change: float
+    """Largest change of a length in the last step, as a share of it."""
+
+
+class Linear(eqx.Module):
+    """One frame linearised: balls and other residuals by the unknowns of pose and body."""
+
+    matrix: Float[Array, "capsules 8 8"]
+    vector: Float[Array, "capsules 8"]
+    balls: Float[Array, "balls 4 unknowns"]
+    """Derivative of centres and radii."""
+    residuals: Float[Array, " rows"]
+    rows: Float[Array, "rows unknowns"]
+    """Derivative of the residuals."""
+
+
+def bundle_adjust(
+    template: Skeleton,
+    prior: Prior,
+    shape: Shape,
+    poses: Pose,
+    observed: Observed,
+    used: Bool[np.ndarray, " frames"],
+    steps: int = 15,
+    tolerance: float = 1e-3,
+    joints: Float[np.ndarray, "stack joints=15 3"] | None = None,
+) -> Adjusted:
+    """Adjust a body and its poses to what was seen of it.
+
+    Args:
+        template: What `shape` is relative to.
+        prior: What is known about the shape.
+        shape: Where to begin.
+        poses: Likewise, with the axis ``frames``.
+        observed: Outlines and silhouettes, on the device, with the same axis.
+        used: The frames that count; the others keep their poses.
+        steps: At most so many.
+        tolerance: No more steps where no length but those of the tips changes by more than this share.
+        joints: Joints in the world (m), of as many frames as `poses` has, where they are known: by markers, or because
+            the film is synthetic.
+    """
+    template = single_precision(template)
+    known = None if joints is None else jnp.asarray(joints, jnp.float32)
+    adjusted = Adjusted(shape, poses, np.full(len(LENGTH_NAMES), np.inf), np.inf)
+    frames = np.flatnonzero(used)
+    for _ in range(steps):
+        adjusted = _step(template, prior, adjusted, observed, frames, known)
+        if adjusted.change < tolerance:
+            break
+    return adjusted
+
+
+def _step(
+    template: Skeleton,
+    prior: Prior,
+    before: Adjusted,
+    observed: Observed,
+    frames: Int[np.ndarray, " used"],
+    joints: Float[Array, "stack joints=15 3"] | None,
+) -> Adjusted:
+    start = single_precision(before.shape)
+    linear = linearised(template, start, before.poses, observed, joints)
+    linear = jax.tree.map(lambda a: np.asarray(a, np.float64), linear)
+    vector, count = before.shape.vector, len(before.shape.vector)
+    matrix, pull = np.zeros((count, count)), np.zeros(count)
+    solved = []
+    for frame in frames:
+        inner, gradient = normal_equations(jax.tree.map(lambda a, f=frame: a[f], linear))
+        own = inner[:_POSE, :_POSE]
+        own = own + np.diag(_DAMPING + _RELATIVE_DAMPING * np.diagonal(own))
+        both = np.linalg.solve(own, np.column_stack([inner[:_POSE, _POSE:], gradient[:_POSE]]))
+        matrix += inner[_POSE:, _POSE:] - inner[_POSE:, :_POSE] @ both[:, :-1]
+        pull += gradient[_POSE:] - inner[_POSE:, :_POSE] @ both[:, -1]
+        solved.append(both)
+    whole = matrix + prior.precision
+    damped = whole + np.diag(_RELATIVE_DAMPING * np.diagonal(whole))
+    change = np.linalg.solve(damped, pull - prior.precision @ (vector - prior.mean.vector))
+    reach = np.concatenate([np.full(len(LENGTH_NAMES) + 2, _LENGTH_REACH), np.full(count - 13, _BALL_REACH)])
+    change = np.clip(change, -reach, reach)
+    turns = np.zeros((len(before.poses.root), _POSE), np.float32)
+    for frame, both in zip(frames, solved, strict=True):
+        turns[frame] = np.clip(both[:, -1] - both[:, :-1] @ change, -_POSE_REACH, _POSE_REACH)
+    poses = jax.tree.map(np.asarray, _turned(template, start, before.poses, turns))
+    deviations = np.sqrt(np.diagonal(np.linalg.inv(matrix / _ALIKE + prior.precision)))[: len(LENGTH_NAMES)]
+    # Tips hardly matter to anything else, and settle last.
+    return Adjusted(Shape.of(vector + change), poses, deviations, float(np.abs(change[:8]).max()))
+
+
+def normal_equations(
+    linear: Linear,
+) -> tuple[Float[np.ndarray, "unknowns unknowns"], Float[np.ndarray, " unknowns"]]:
+    """Matrix and right hand side of one frame's step: unknowns of the pose, then of the body."""
+    first, last = linear.balls[LINKS[:, 0]], linear.balls[LINKS[:, 1]]
+    ends = np.concatenate([first[:, :3], last[:, :3], first[:, 3:], last[:, 3:]], 1)  # capsules 8 unknowns
+    matrix = np.tensordot(ends, linear.matrix @ ends, ((0, 1), (0, 1))) + linear.rows.T @ linear.rows
+    return matrix, np.tensordot(linear.vector, ends, 2) - linear.rows.T @ linear.residuals
+
+
+@kept
+def linearised(
+    template: Skeleton,
+    shape: Shape,
+    poses: Pose,
+    stack: Observed,
+    joints: Float[Array, "stack joints=15 3"] | None = None,
+) -> Linear:
+    """Linearise frame by frame; those of a stack that have poses. Joints count where they are known."""
+
+    def one(given: tuple[Pose, Int[Array, ""], Float[Array, "joints=15 3"] | None]) -> Linear:
+        pose, frame, known = given
+        return _linearised(template, shape, pose, stack.of(frame), known)
+
+    return jax.lax.map(one, (poses, jnp.arange(len(poses.root), dtype=jnp.int32), joints))
+
+
+def _linearised(
+    template: Skeleton, shape: Shape, pose: Pose, observed: Observed, joints: Float[Array, "joints=15 3"] | None
+) -> Linear:
+    body = shaped_body(template, shape)
+    placed = place(body.skeleton, pose)
+    contours = ContourContact(body=body, weight=_CONTOURS, scale=_SCALE, inner=1.0)
+    inside = InsideSilhouettes(body=body, weight=_INSIDE)
+    quadrics = contour_quadrics(contours, placed, observed) + inside_quadrics(inside, placed, observed)
+    fixed = _others(body).correspond(placed, observed)
+
+    def moved(unknowns: Float[Array, " unknowns"]) -> tuple[Float[Array, "balls 4"], Float[Array, " rows"]]:
+        body = shaped_body(template, Shape.of(unknowns[_POSE:]))
+        placed = place(body.skeleton, _HINGED.nearby(unknowns[:_POSE], pose, body.skeleton))
+        centres = jnp.asarray(ball_centres(body, placed.origins, placed.rotations))
+        rows = _others(body).residuals(placed, observed, fixed)
+        if joints is not None:
+            rows["joints"] = (placed.joints - joints) / _KNOWN
+        balls = jnp.concatenate([centres, jnp.asarray(body.radii)[:, None]], 1)
+        return balls, jnp.concatenate([row.ravel() for row in rows.values()])
+
+    own = jnp.concatenate([jnp.ravel(part) for part in (shape.lengths, shape.fingers, shape.balls)])
+    (_, residuals), tangent = jax.linearize(moved, jnp.concatenate([_HINGED.unknowns(), own]))
+    balls, rows = jax.vmap(tangent, out_axes=-1)(jnp.eye(_POSE + len(own)))
+    return Linear(quadrics.matrix, quadrics.vector, balls, residuals, rows)
+
+
+def _others(body: Body) -> Objective:
+    """What a pose costs beside what is seen."""
+    terms = {name: term for name, term in volume_objective(body).terms.items() if not isinstance(term, CapsuleTerm)}
+    return eqx.tree_at(lambda o: o.terms["rest"].weight, Objective(terms), _REST * terms["rest"].weight)
+
+
+@kept
+def _turned(template: Skeleton, shape: Shape, poses: Pose, unknowns: Float[Array | np.ndarray, "frames n"]) -> Pose:
+    skeleton = shaped_body(template, shape).skeleton
+    return jax.vmap(lambda pose, own: _HINGED.moved(own, pose, skeleton))(poses, unknowns)

@@ -1,0 +1,52 @@
+"""Squared distances between a body and what was seen of it, linearised in the capsules' ends and in their radii."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..body import LINKS
+from ..refinement.terms import ContourContact, InsideSilhouettes, Observed, PlacedBody
+
+
+class ShapeQuadrics(eqx.Module):
+    """Weighted squared distances of one frame, summed up by capsule.
+
+    Moving the two ends of a capsule by (a, b) and making its radii larger by (r, s) changes what it costs by
+    d . matrix d - 2 vector . d, with d = (a, b, r, s).
+    """
+
+    matrix: Float[Array, "capsules 8 8"]
+    vector: Float[Array, "capsules 8"]
+    squared: Float[Array, ""]
+    """Weighted sum of the squared distances before (m^2)."""
+
+    def __add__(self, other: "ShapeQuadrics") -> "ShapeQuadrics":
+        return ShapeQuadrics(self.matrix + other.matrix, self.vector + other.vector, self.squared + other.squared)
+
+
+def contour_quadrics(term: ContourContact, placed: PlacedBody, observed: Observed) -> ShapeQuadrics:
+    """Of rays to their nearest capsules, see `ContourContact`."""
+    near, weight = term.nearest(placed, observed)
+    weight = term.weight * weight
+    part = near.part[:, None]
+    # What moves the surface towards the ray shortens the distance.
+    rows = jnp.concatenate([(1 - part) * near.normal, part * near.normal, 1 - part, part], 1)
+    member = (near.capsule[None] == jnp.arange(len(LINKS), dtype=jnp.int32)[:, None]).astype(rows.dtype)
+    squares = (rows[:, :, None] * rows[:, None] * weight[:, None, None]).reshape(len(rows), -1)
+    vector = member @ (rows * (weight * near.distance)[:, None])
+    return ShapeQuadrics((member @ squares).reshape(-1, 8, 8), vector, (weight * near.distance**2).sum())
+
+
+def inside_quadrics(term: InsideSilhouettes, placed: PlacedBody, observed: Observed) -> ShapeQuadrics:
+    """Of points on the axes to the silhouettes that they stick out of, see `InsideSilhouettes`."""
+    points, radii, part = term.points(placed)
+    out, gradients, weight = term.depths(points, radii, observed)
+    weight = term.weight * weight
+    away = jnp.stack(gradients, -1)
+    part = jnp.broadcast_to(part[None, :, None], (*out.shape, 1))
+    rows = [(1 - part) * away, part * away, term.share * (1 - part), term.share * part]
+    shape = len(out), len(LINKS), -1
+    rows = -jnp.concatenate(rows, -1).reshape(*shape, 8)
+    weight, out = weight.reshape(shape), out.reshape(shape)
+    matrix = jnp.einsum("vcpi,vcpj,vcp->cij", rows, rows, weight)
+    return ShapeQuadrics(matrix, jnp.einsum("vcpi,vcp->ci", rows, weight * out), (weight * out**2).sum())

@@ -1,0 +1,124 @@
+"""Signed distances to outlines as images that are looked up anywhere, and whose zero is the outline between pixels."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int, UInt8
+
+from ..._runtime.compile_cache import kept
+from ...cameras import Cameras
+from ...outlines import signed_distances
+from ...recording import person_boxes
+
+# Values stand this many to a side of an image at most; between them they are interpolated.
+_MOST_CELLS = 640
+# Newton's steps to the zero of a distance, which has a slope of nearly one.
+_STEPS = 3
+
+
+class DistanceImages(eqx.Module):
+    """Signed distances (px) from the outlines of silhouettes on regular grids, negative on the person."""
+
+    values: Float[Array | np.ndarray, "images rows columns"]
+    """Of all views of the first frame, then of the second, and so on."""
+    step: Int[Array | np.ndarray, ""]
+    """Distance of neighbouring values (px)."""
+    size: Int[Array | np.ndarray, "images 2"]
+    """Width and height (px) of what is known of each image: nothing where a view has lost the person."""
+
+    def at(
+        self, image: Int[Array, "*points"], u: Float[Array, "*points"], v: Float[Array, "*points"]
+    ) -> tuple[Float[Array, "*points"], Bool[Array, "*points"]]:
+        """Distances at points (px) of some of the images, and whether these points are seen; if not, 0.
+
+        A point is seen inside of its image. Bilinear, hence differentiable nearly everywhere.
+        """
+        size = jnp.asarray(self.size)[image]
+        # NaN, where a camera sees nothing, compares false.
+        seen = (u > -0.5) & (v > -0.5) & (u < size[..., 0] - 0.5) & (v < size[..., 1] - 0.5)
+        rows, columns = self.values.shape[1:]
+        # Values are means over cells of `step` pixels.
+        x, y = ((jnp.where(seen, a, 0.0) + 0.5) / self.step - 0.5 for a in (u, v))
+        x, y = jnp.clip(x, 0.0, columns - 1.001), jnp.clip(y, 0.0, rows - 1.001)
+        column, row = jnp.floor(x).astype(jnp.int32), jnp.floor(y).astype(jnp.int32)
+        x, y = x - column, y - row
+        first = (image * rows + row) * columns + column
+        values = jnp.asarray(self.values).reshape(-1)
+        a, b, c, d = (values.at[first + by].get(mode="clip") for by in (0, 1, columns, columns + 1))
+        distance = (a * (1 - x) + b * x) * (1 - y) + (c * (1 - x) + d * x) * y
+        return jnp.where(seen, distance, 0.0), seen
+
+
+def cell_size(silhouettes: UInt8[np.ndarray, "*stack h w8"]) -> int:
+    """Distance of neighbouring values of their distance images (px)."""
+    return -(-max(silhouettes.shape[-2], 8 * silhouettes.shape[-1]) // _MOST_CELLS)
+
+
+def distance_images(
+    silhouettes: UInt8[np.ndarray, "frames cams h w8"],
+    cameras: Cameras,
+    lost: Bool[np.ndarray, "frames cams"],
+    farthest: int,
+) -> DistanceImages:
+    """Distance images of some frames.
+
+    Args:
+        silhouettes: Packed bits.
+        cameras: The rig.
+        lost: Views that show no person.
+        farthest: Distances are exact up to this, and never larger (px).
+    """
+    frames, views, height, width = *silhouettes.shape[:3], 8 * silhouettes.shape[3]
+    step = cell_size(silhouettes)
+    values = np.zeros((frames, views, -(-height // step), -(-width // step)), np.float32)
+    for frame, view in zip(*np.nonzero(~lost), strict=True):
+        right, low = cameras.size[view].tolist()
+        packed = silhouettes[frame, view, :low]
+        cells = signed_distances(packed, right, step, farthest, fine=True)
+        cells = np.minimum(cells, _to_cut_edges(packed, right, step, cells.shape))
+        values[frame, view, : len(cells), : cells.shape[1]] = cells
+    size = np.where(lost[..., None], 0, cameras.size).astype(np.int32)
+    return DistanceImages(values.reshape(-1, *values.shape[2:]), np.array(step, np.int32), size.reshape(-1, 2))
+
+
+def _to_cut_edges(
+    packed: UInt8[np.ndarray, "h w8"], across: int, step: int, shape: tuple[int, int]
+) -> Float[np.ndarray, "rows columns"]:
+    """Distance of cells (px) from those edges of an image that cut the person off; infinite where none does.
+
+    Beyond such an edge the person may be anywhere. So no place is known to be farther from the person than from the
+    edge: without this, a ray that runs along it just inside would miss what lies just outside.
+    """
+    found = np.full(shape, np.inf, np.float32)
+    box = person_boxes(packed)[0]
+    if box is None:
+        return found
+    top, bottom, left, right = box
+    v, u = (step * (np.arange(count, dtype=np.float32) + 0.5) for count in shape)
+    for cut, way in (
+        (top == 0, v[:, None]),
+        (bottom == len(packed), len(packed) - v[:, None]),
+        (left == 0, u[None]),
+        (right == across, across - u[None]),
+    ):
+        if cut:
+            # The last cell of an image need not be whole.
+            found = np.minimum(found, np.maximum(way, 0.0))
+    return found
+
+
+@kept
+def onto_outlines(
+    images: DistanceImages, image: Int[Array | np.ndarray, " points"], uv: Float[Array | np.ndarray, "points 2"]
+) -> Float[Array, "points 2"]:
+    """Points (px) near the outlines of some images, moved to where the distance is zero, between the pixels."""
+
+    def one(image: Int[Array, ""], uv: Float[Array, "2"]) -> Float[Array, "2"]:
+        for _ in range(_STEPS):
+            distance, slope = jax.value_and_grad(lambda p: images.at(image, p[0], p[1])[0])(uv)
+            # On ridges and in corners the slope vanishes: the step stays shorter than twice the distance.
+            uv = uv - distance * slope / jnp.maximum((slope * slope).sum(), 0.25)
+        return uv
+
+    return jax.vmap(one)(jnp.asarray(image), jnp.asarray(uv))

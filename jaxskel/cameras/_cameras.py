@@ -1,0 +1,230 @@
+"""Calibrated cameras: validation at the door, projection with skew and the distortion of their lenses.
+
+Convention (OpenCV): ``x_cam = R x_world + t``; u to the right, v down, and an integer ``(u, v)`` is the centre of
+a pixel. Lengths are metres, image coordinates pixels.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from ._checks import check_finite, check_fold, check_one, distortion, fisheyes, floats, image_sizes
+from ._lens import distorted, max_radius, slopes, undistorted
+
+
+class Cameras(eqx.Module):
+    """A rig of static cameras, stacked along the axis ``cams``. Make one with [`make_cameras`][]."""
+
+    K: Float[Array | np.ndarray, "cams 3 3"]
+    """Intrinsics (px), with skew at ``K[:, 0, 1]``."""
+    R: Float[Array | np.ndarray, "cams 3 3"]
+    """Rotation from world to camera."""
+    t: Float[Array | np.ndarray, "cams 3"]
+    """Translation of ``x_cam = R x_world + t`` (m)."""
+    dist: Float[Array | np.ndarray, "cams 8"]
+    """OpenCV's k1, k2, p1, p2, k3, k4, k5, k6; of a fisheye lens the k1, k2, k3, k4 of `cv2.fisheye`, then zeros."""
+    max_radius: Float[Array | np.ndarray, " cams"]
+    """Undistorted radius (tangent of the angle to the axis) up to which the distortion is one-to-one; of a fisheye lens
+    it stays below that of 90 degrees."""
+    size: Int[np.ndarray, "cams 2"]
+    """Width and height of each image (px)."""
+    names: tuple[str, ...] = eqx.field(static=True)
+    fisheye: Bool[Array | np.ndarray, " cams"] | None = None
+    """Which lenses are those of `cv2.fisheye`; None where none is, so that such rigs do not pay for the model."""
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __getitem__(self, index: slice | Sequence[int] | np.ndarray) -> "Cameras":
+        """Choose cameras by a slice or a list of indices."""
+        chosen = np.arange(len(self))[index if isinstance(index, slice) else np.asarray(index, int)]
+        return Cameras(
+            K=self.K[chosen],
+            R=self.R[chosen],
+            t=self.t[chosen],
+            dist=self.dist[chosen],
+            max_radius=self.max_radius[chosen],
+            size=self.size[chosen],
+            names=tuple(self.names[i] for i in chosen),
+            fisheye=_some(self.are_fisheye[chosen]),
+        )
+
+    @property
+    def are_fisheye(self) -> Bool[np.ndarray, " cams"]:
+        """Which lenses are those of `cv2.fisheye`."""
+        return np.zeros(len(self), bool) if self.fisheye is None else np.asarray(self.fisheye)
+
+    @property
+    def bent(self) -> Bool[np.ndarray, " cams"]:
+        """Which lenses do not show straight lines as such."""
+        return (np.asarray(self.dist) != 0).any(1) | self.are_fisheye
+
+    @property
+    def centres(self) -> Float[np.ndarray, "cams 3"]:
+        """Optical centres in the world (m)."""
+        return -np.einsum("cji,cj->ci", np.asarray(self.R), np.asarray(self.t))
+
+    def rotated(self, rotation: Float[np.ndarray, "3 3"]) -> "Cameras":
+        """The same cameras in a world whose points are ``rotation @ x``."""
+        return eqx.tree_at(lambda c: c.R, self, np.asarray(self.R) @ rotation.T)
+
+
+def make_cameras(
+    K: Any,
+    R: Any,
+    t: Any,
+    size: Any,
+    dist: Any = None,
+    names: Sequence[str] | None = None,
+    fisheye: Any = False,
+) -> Cameras:
+    """Check a calibration and build `Cameras` from it.
+
+    Args:
+        K: Intrinsics, ``(cams, 3, 3)`` (px).
+        R: Rotations from world to camera, ``(cams, 3, 3)``.
+        t: Translations, ``(cams, 3)`` (m).
+        size: Width and height, ``(2,)`` for all cameras or ``(cams, 2)`` (px).
+        dist: OpenCV distortion, ``(cams, 4)``, ``(cams, 5)`` or ``(cams, 8)``; none by default.
+        names: One name a camera; ``cam0``, ``cam1``, ... by default.
+        fisheye: Whether the lens model is that of ``cv2.fisheye``, for all cameras or for each: then the first four of
+            its row of `dist` are k1, k2, k3, k4, and the others are zero. The skew is ``K[0, 1]``, which OpenCV's
+            functions take as ``alpha = K[0, 1] / K[0, 0]`` instead. Only what is before the camera is seen, at less
+            than 90 degrees to its axis.
+
+    Raises:
+        ValueError: One line that names the camera, the field and how to mend it.
+    """
+    K, R, t = (floats(name, value) for name, value in (("K", K), ("R", R), ("t", t)))
+    if K.ndim != 3 or K.shape[1:] != (3, 3) or len(K) == 0:
+        raise ValueError(f"K has shape {K.shape}: give one 3 x 3 matrix a camera, (cams, 3, 3)")
+    n = len(K)
+    labels = tuple(names) if names is not None else tuple(f"cam{i}" for i in range(n))
+    if len(labels) != n or len(set(labels)) != n:
+        raise ValueError(f"names: {n} different camera names are needed, not {labels}")
+    if R.shape != (n, 3, 3):
+        raise ValueError(f"R has shape {R.shape} but K holds {n} cameras: give (cams, 3, 3) rotations")
+    if t.shape not in ((n, 3), (n, 3, 1)):
+        raise ValueError(f"t has shape {t.shape} but K holds {n} cameras: give (cams, 3) translations")
+    t = t.reshape(n, 3)
+    sizes = image_sizes(size, labels)
+    wide = fisheyes(fisheye, n)
+    full = distortion(dist, labels, wide)
+    for name, array in (("K", K), ("R", R), ("t", t), ("dist", full)):
+        check_finite(name, array, labels)
+    for i, label in enumerate(labels):
+        check_one(f"camera {label} (index {i})", K[i], R[i], t[i])
+    K, limits = K / K[:, 2:, 2:], max_radius(full, wide)
+    for i in np.flatnonzero(wide):
+        check_fold(f"camera {labels[i]} (index {i})", K[i], full[i], float(limits[i]), sizes[i])
+    return Cameras(K=K, R=R, t=t, dist=full, max_radius=limits, size=sizes, names=labels, fisheye=_some(wide))
+
+
+def _some(fisheye: Bool[np.ndarray, " cams"]) -> Bool[np.ndarray, " cams"] | None:
+    return fisheye if fisheye.any() else None
+
+
+def project(
+    cameras: Cameras, points: Float[Array | np.ndarray, "n 3"]
+) -> tuple[
+    Float[Array | np.ndarray, "cams n"],
+    Float[Array | np.ndarray, "cams n"],
+    Float[Array | np.ndarray, "cams n"],
+]:
+    """Project world points into every camera.
+
+    Works on NumPy arrays (float64, as the carving tables need) and on JAX arrays (differentiable) alike.
+
+    Args:
+        cameras: The rig.
+        points: World coordinates (m).
+
+    Returns:
+        u and v (px) and the depth along the optical axis (m). u and v are NaN where a camera cannot see the point:
+        behind it, or beyond the radius at which its distortion folds back.
+    """
+    right, low, depth = in_cameras(cameras, points)
+    return *on_images(cameras, right, low, depth), depth
+
+
+def in_cameras(cameras: Cameras, points: Float[Array | np.ndarray, "n 3"]) -> tuple[Any, Any, Any]:
+    """World points in the frame of every camera (m): to the right, down, and along the optical axis, cams x n each."""
+    # Component by component: long rows of numbers, where a product of matrices would leave triples to pick apart.
+    right, low, depth = (
+        sum(cameras.R[:, row, axis, None] * points[None, :, axis] for axis in range(3)) + cameras.t[:, row, None]
+        for row in range(3)
+    )
+    return right, low, depth
+
+
+def on_images(cameras: Cameras, right: Any, low: Any, depth: Any) -> tuple[Any, Any]:
+    """Where points in the cameras' frames (m, cams x n) are seen, as `project` gives it (px)."""
+    xp = depth.__array_namespace__()
+    in_front = depth > 1e-6
+    safe = xp.where(in_front, depth, 1.0)
+    x, y = right / safe, low / safe
+    inside = in_front & (x * x + y * y < cameras.max_radius[:, None] ** 2)
+    # Outside the one-to-one range the polynomial may overflow; its value there is never used.
+    x, y = xp.where(inside, x, 0.0), xp.where(inside, y, 0.0)
+    xd, yd = distorted(cameras.dist[:, :, None], _by_point(cameras.fisheye), x, y)
+    K = cameras.K[:, :, :, None]
+    u = K[:, 0, 0] * xd + K[:, 0, 1] * yd + K[:, 0, 2]
+    v = K[:, 1, 1] * yd + K[:, 1, 2]
+    return xp.where(inside, u, xp.nan), xp.where(inside, v, xp.nan)
+
+
+def lens_slopes(cameras: Cameras, x: Any, y: Any) -> tuple[Any, Any, Any, Any]:
+    """How u moves with x and y, and how v does (px), where x and y are in units of the depth, cams x n."""
+    along_x, across, along_y = slopes(cameras.dist, _by_point(cameras.fisheye), x, y)
+    K = cameras.K[:, :, :, None]
+    return (
+        K[:, 0, 0] * along_x + K[:, 0, 1] * across,
+        K[:, 0, 0] * across + K[:, 0, 1] * along_y,
+        K[:, 1, 1] * across,
+        K[:, 1, 1] * along_y,
+    )
+
+
+def apparent_depth(cameras: Cameras, right: Any, low: Any, depth: Any) -> Any:
+    """How far away (m, cams x n) a thing is that seems a focal length smaller in pixels than it is in metres.
+
+    That is the depth for an ordinary lens, which shows planes as planes. A fisheye lens shows angles, so for it it is
+    the distance from the optical centre.
+    """
+    if cameras.fisheye is None:
+        return depth
+    xp = depth.__array_namespace__()
+    # The root has no derivative at zero, in the optical centre itself, which nobody sees.
+    away = xp.sqrt(xp.maximum(right * right + low * low + depth * depth, 1e-12))
+    return xp.where(_by_point(cameras.fisheye), away, depth)
+
+
+def _by_point(fisheye: Any) -> Any:
+    """Which lenses are fisheyes, with an axis for points."""
+    return None if fisheye is None else fisheye[:, None]
+
+
+def rays(
+    cameras: Cameras, index: int | np.integer | Int[np.ndarray, " n"], uv: Float[np.ndarray, "n 2"]
+) -> Float[np.ndarray, "n 3"]:
+    """Unit viewing directions in the world of image points (px): the inverse of [`project`][].
+
+    The points are those of one camera, or each is of the camera that `index` says. NaN where no direction is seen at
+    that point, because it lies beyond the one-to-one range of the distortion.
+    """
+    R, directions = np.asarray(cameras.R)[index], rays_in_camera(cameras, index, uv)
+    return directions @ R if R.ndim == 2 else np.einsum("ni,nij->nj", directions, R)
+
+
+def rays_in_camera(
+    cameras: Cameras, index: int | np.integer | Int[np.ndarray, " n"], uv: Float[np.ndarray, "n 2"]
+) -> Float[np.ndarray, "n 3"]:
+    """The same in the frame of reference of the camera: extrinsics are not used."""
+    K, dist, limits = (np.asarray(a)[index] for a in (cameras.K, cameras.dist, cameras.max_radius))
+    yd = (uv[:, 1] - K[..., 1, 2]) / K[..., 1, 1]
+    xd = (uv[:, 0] - K[..., 0, 2] - K[..., 0, 1] * yd) / K[..., 0, 0]
+    x, y = undistorted(dist, cameras.are_fisheye[index], limits, xd, yd)
+    return np.stack([x, y, np.ones_like(x)], -1) / np.sqrt(x * x + y * y + 1)[:, None]

@@ -1,0 +1,30 @@
+"""The skeletal graph of the person in each hull (Sect. 3.1)."""
+
+import numpy as np
+from jaxtyping import Int
+
+from ..body import Skeleton
+from ..hull import VisualHulls
+from ._forest import forest_of
+from ._root_finders import RootFinder
+from ._skeletal_graph import MAX_ENDS, SkeletalGraph, limit_ends, prune_all
+from ._skeletonisers import Skeletoniser, VoxelScooping
+
+
+def skeletal_graphs(
+    hulls: VisualHulls,
+    roots: Int[np.ndarray, " frames"],
+    min_branch: float = 0.24,
+    skeletoniser: Skeletoniser | None = None,
+) -> list[SkeletalGraph]:
+    """Draw the graph of each hull and prune it (Sect. 3.1)."""
+    graphs = prune_all((skeletoniser or VoxelScooping()).skeletonise(hulls, roots), min_branch)
+    many = 1 + forest_of(graphs).leaves.sum(1) > MAX_ENDS
+    return [limit_ends(graph, MAX_ENDS) if m else graph for graph, m in zip(graphs, many, strict=True)]
+
+
+def person_graphs(
+    hulls: VisualHulls, skeleton: Skeleton, root_finder: RootFinder, min_branch: float, skeletoniser: Skeletoniser
+) -> list[SkeletalGraph]:
+    """The pruned graph of the person in each hull, rooted where the root finder says."""
+    return skeletal_graphs(hulls, root_finder.roots(hulls, skeleton), min_branch, skeletoniser)

@@ -1,0 +1,31 @@
+"""The visual hull: carving, and the person in it (Sect. 3, "volumetric scene reconstruction").
+
+In: packed silhouettes and cameras. Out: `VisualHulls`, the occupied voxels of each frame's one person, with a status
+for each frame that has none.
+"""
+
+from ._carve import carve as carve
+from ._carve_soft import carve_soft as carve_soft
+from ._connected_bodies import bodies_among as bodies_among
+from ._distance_field import DistanceField as DistanceField
+from ._distance_field import hull_volume as hull_volume
+from ._distance_field import hull_volumes as hull_volumes
+from ._frame_bits import FRAMES_PER_WORD as FRAMES_PER_WORD
+from ._grid import VoxelGrid as VoxelGrid
+from ._grid import make_grid as make_grid
+from ._grid_placement import body_middles as body_middles
+from ._grid_placement import place_grid as place_grid
+from ._max_misses import judge_misses as judge_misses
+from ._max_misses import most_misses as most_misses
+from ._people import find_people as find_people
+from ._people import observed_edge as observed_edge
+from ._projection_table import ProjectionTable as ProjectionTable
+from ._projection_table import projection_table as projection_table
+from ._reproject import agreement as agreement
+from ._reproject import reproject as reproject
+from ._see_people import Seen as Seen
+from ._see_people import Stopwatch as Stopwatch
+from ._see_people import middles_of_people as middles_of_people
+from ._see_people import see_people as see_people
+from ._visual_hulls import VisualHulls as VisualHulls
+from ._visual_hulls import hulls_from_dense as hulls_from_dense

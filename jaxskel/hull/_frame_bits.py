@@ -1,0 +1,142 @@
+"""32 frames to a machine word: bit f of a pixel's word belongs to frame f, so one AND carves 32 frames.
+
+A person fills a small part of an image. Only a window of it is turned into words, the same place in all frames.
+"""
+
+import math
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Int, UInt8, UInt32
+
+from .._runtime.batching import step_above
+from .._runtime.compile_cache import kept
+from .._runtime.materialise import computed_once
+
+FRAMES_PER_WORD = 32
+ALL_FRAMES = np.uint32(0xFFFFFFFF)
+"""The word of what a camera does not see: it misses the person there in no frame."""
+CELL = 8
+"""Windows consist of squares so wide (px): a byte of a silhouette's row, and as many rows."""
+
+
+class Windows(NamedTuple):
+    """Of the silhouettes of 32 frames, for each camera the part that shows all there is of the person."""
+
+    packed: UInt8[np.ndarray, "frames=32 cams rows w8"]
+    corner: Int[np.ndarray, "cams 2"]
+    """Where each window begins in its image: row and byte, the row a multiple of `CELL`."""
+    blank: UInt32[np.ndarray, " cams"]
+    """The word of all other pixels: ones in the frames in which the view is lost, so that it carves nothing."""
+
+
+def cut_windows(packed: UInt8[np.ndarray, "frames=32 cams h w8"], lost: Bool[np.ndarray, "frames=32 cams"]) -> Windows:
+    """Cut windows of the same size out of the images of all cameras; they may jut out at the bottom."""
+    height, width = packed.shape[2:]
+    some = np.bitwise_or.reduce(packed, 0)
+    bounds = [[_bounds(each.any(axis)) for axis in (1, 0)] for each in some]
+    first = [(rows[0] // CELL * CELL, columns[0]) for rows, columns in bounds]
+    last = [(rows[1], columns[1]) for rows, columns in bounds]
+    extent = np.subtract(last, first).max(0)
+    rows = min(CELL * step_above(-(-int(extent[0]) // CELL)), -(-height // CELL) * CELL)
+    columns = min(step_above(int(extent[1])), width)
+    corner = np.minimum(first, (-(-height // CELL) * CELL - rows, width - columns)).astype(np.int32)
+    windows = np.zeros((len(packed), len(some), rows, columns), np.uint8)
+    for camera, (top, left) in enumerate(corner):
+        part = packed[:, camera, top : top + rows, left : left + columns]
+        windows[:, camera, : part.shape[1]] = part
+    blank = np.left_shift(lost.astype(np.uint32), np.arange(FRAMES_PER_WORD, dtype=np.uint32)[:, None])
+    return Windows(windows, corner, np.bitwise_or.reduce(blank, 0))
+
+
+@kept
+def frame_words(windows: Windows) -> UInt32[Array, "cams rows columns"]:
+    """Turn the packed bits of 32 frames into one word a pixel."""
+    cams, rows, columns = windows.packed.shape[1:]
+    packed = windows.packed.reshape(FRAMES_PER_WORD, cams, -1)
+    blank = jnp.asarray(windows.blank)
+    quarters = [_transposed([packed[f + k] for k in range(8)]) for f in range(0, FRAMES_PER_WORD, 8)]
+    # Stored in between, bytes and words are put side by side at the speed of the memory.
+    quarters = computed_once(quarters, blank[0].astype(jnp.float32))
+    bytes_of_words = [jnp.stack(parts, -1) for parts in zip(*quarters, strict=True)]
+    words = [jax.lax.bitcast_convert_type(each, jnp.uint32) for each in bytes_of_words]
+    words = computed_once(words, blank[0].astype(jnp.float32))
+    return (jnp.stack(words, -1) | blank[:, None, None]).reshape(cams, rows, 8 * columns)
+
+
+@kept
+def listed(
+    words: UInt32[Array, "cams rows columns"], blank: UInt32[Array | np.ndarray, " cams"]
+) -> UInt32[Array, "cams places"]:
+    """The words of the pixels of windows in a row, then that of all other pixels, then that of what is not seen."""
+    own = words.reshape(len(words), -1)
+    return jnp.concatenate([own, jnp.asarray(blank)[:, None], jnp.full((len(words), 1), ALL_FRAMES)], 1)
+
+
+def places_of(
+    pixels: Int[Array, "*some"], corner: Int[Array, "2"], extent: tuple[int, int], size: tuple[int, int]
+) -> Int[Array, "*some"]:
+    """Where the words of some pixels of a camera are among those that `listed` gives.
+
+    Args:
+        pixels: Indices into the flattened image; one past its end is what the camera does not see.
+        corner: Row and byte of the camera's window.
+        extent: Rows and columns of the window (px).
+        size: Height and width of the image (px).
+    """
+    inner, unseen = math.prod(extent), math.prod(size)
+    # What is before the window wraps around to large numbers, so that one comparison tells it from what is within.
+    first, index, width = (corner * jnp.array([1, CELL])).astype(jnp.uint32), pixels.astype(jnp.uint32), size[1]
+    row = index // jnp.uint32(width) - first[0]
+    column = index % jnp.uint32(width) - first[1]
+    within = (row < extent[0]) & (column < extent[1])
+    there = jnp.where(within, row * jnp.uint32(extent[1]) + column, jnp.uint32(inner))
+    return jnp.where(pixels == unseen, inner + 1, there.astype(jnp.int32))
+
+
+def in_place(
+    part: UInt32[Array, "cams rows columns"],
+    corner: Int[Array, "cams 2"],
+    blank: UInt32[Array | np.ndarray, " cams"],
+    height: int,
+    width: int,
+) -> UInt32[Array, "cams height width"]:
+    """Parts of images, each at its row and column, and the same word all around."""
+    whole = jnp.broadcast_to(jnp.asarray(blank)[:, None, None], (len(part), height, width))
+    for camera, each in enumerate(part):
+        whole = jax.lax.dynamic_update_slice(whole, each[None], (camera, corner[camera, 0], corner[camera, 1]))
+    return whole
+
+
+def frames_of(words: UInt32[np.ndarray, "words n"], frames: int) -> Bool[np.ndarray, "frames n"]:
+    """The bits of words, frame by frame."""
+    bits = np.empty((frames, words.shape[1]), bool)
+    for start in range(0, frames, 8):  # bytes are looked at faster than words
+        part = (words[start // FRAMES_PER_WORD] >> np.uint32(start % FRAMES_PER_WORD)).astype(np.uint8)
+        for bit, frame in enumerate(bits[start : start + 8]):
+            np.not_equal(part & np.uint8(1 << bit), 0, out=frame)
+    return bits
+
+
+def _transposed(rows: list[UInt8[Array, "*image"]]) -> list[UInt8[Array, "*image"]]:
+    """Bit k of the i-th of eight bytes becomes bit i of the k-th byte, counted from the highest.
+
+    Blocks of four, of two and of one bit change places (Warren, *Hacker's Delight*, 7-3), for all pixels at once.
+    """
+    for distance, mask in ((4, np.uint8(0x0F)), (2, np.uint8(0x33)), (1, np.uint8(0x55))):
+        swapped = list(rows)
+        for i in range(8):
+            if not i & distance:
+                other = i + distance
+                change = ((rows[i] >> distance) ^ rows[other]) & mask
+                swapped[i], swapped[other] = rows[i] ^ (change << distance), rows[other] ^ change
+        rows = swapped
+    return rows[::-1]
+
+
+def _bounds(some: Bool[np.ndarray, " n"]) -> tuple[int, int]:
+    """From where to where there is any; one where there is none."""
+    there = np.flatnonzero(some)
+    return (int(there[0]), int(there[-1]) + 1) if len(there) else (0, 1)

@@ -1,0 +1,102 @@
+"""The voxel grid places itself: around the person, wherever he walks, as far as his limbs reach."""
+
+import numpy as np
+from jaxtyping import Bool, Float, UInt8
+
+from ..cameras import Cameras, rays
+from ..recording import MIN_VIEWS, Silhouettes, silhouette_centroids
+from ._carve import carve
+from ._connected_bodies import bodies_among
+from ._grid import VoxelGrid, make_grid
+from ._projection_table import projection_table
+
+_COARSE = 3  # coarse voxels are this many times larger
+_COARSEST = 0.045  # but not larger than this, or hands and forearms fall between their centres (m)
+_REACH = 1.5  # no part of a person is farther from the middle of the body (m)
+_MARGIN = 0.12  # around what the coarse hulls occupy (m)
+_SAMPLED_MARGIN = 0.25  # the same where frames in between were not looked at (m)
+# Where pixels are large, feet and hands fall between them: in a coarse hull they are missing, or lumps by themselves,
+# and in a fine one they are there. Of drawn scenes of 48 to 96 px height up to five pixels of a limb are lost so.
+_MARGIN_PIXELS = 6
+_MAX_FRAMES = 96
+_LEAST_VOLUME = 0.004  # smaller lumps are noise, not people (m^3)
+
+
+def place_grid(
+    cameras: Cameras,
+    silhouettes: Silhouettes,
+    lost: Bool[np.ndarray, "frames cams"],
+    spacing: float,
+    min_views: int,
+    max_misses: int = 0,
+) -> VoxelGrid | None:
+    """Find the box that holds the person in all frames.
+
+    The rays through the centroids of the silhouettes meet in the middle of the body; around all these points the
+    hulls are carved coarsely, and the grid is laid around what is left.
+
+    Args:
+        cameras: The rig, in a world with z up.
+        silhouettes: Packed bits of all frames; up to 96 of them are looked at.
+        lost: Views that show no person.
+        spacing: Edge length of a voxel (m).
+        min_views: A voxel must be seen by so many cameras.
+        max_misses: Tolerance of the carving.
+
+    Returns:
+        The grid, or None where no frame has a hull of a person's size.
+    """
+    usable = np.flatnonzero((~lost).sum(1) >= MIN_VIEWS)
+    if len(usable) == 0:
+        return None
+    chosen = usable[np.unique(np.linspace(0, len(usable) - 1, _MAX_FRAMES).astype(int))]
+    margin = _MARGIN if len(chosen) == len(usable) else _SAMPLED_MARGIN
+    silhouettes, lost = silhouettes[chosen], lost[chosen]
+    middles = body_middles(cameras, silhouettes, lost)
+    margin = max(margin, _MARGIN_PIXELS * _pixel_size(cameras, middles, lost))
+    coarse = make_grid(middles.min(0) - _REACH, middles.max(0) + _REACH, min(_COARSE * spacing, _COARSEST))
+    height, width = silhouettes.shape[2], 8 * silhouettes.shape[3]
+    hulls = carve(silhouettes, projection_table(cameras, coarse, height, width, min_views), lost, max_misses)
+    bodies = bodies_among(hulls.voxels, coarse)
+    voxels = hulls.voxels[bodies.sizes[bodies.voxels_of(0)] * coarse.spacing**3 >= _LEAST_VOLUME]
+    if len(voxels) == 0:
+        return None
+    origin = np.asarray(coarse.origin)
+    lower = origin + coarse.spacing * voxels.min(0) - margin
+    upper = origin + coarse.spacing * (voxels.max(0) + 1) + margin
+    return make_grid(lower, upper, spacing)
+
+
+def _pixel_size(
+    cameras: Cameras, middles: Float[np.ndarray, "frames 3"], lost: Bool[np.ndarray, "frames cams"]
+) -> float:
+    """Width of a pixel at the person (m), of the camera that sees the person smallest, as a rule."""
+    depths = np.einsum("ci,fi->fc", np.asarray(cameras.R)[:, 2], middles) + np.asarray(cameras.t)[:, 2]
+    sizes = np.where(lost | (depths <= 0), np.nan, depths / np.asarray(cameras.K)[:, 0, 0])
+    return float(np.nanmax(np.nanmedian(sizes[:, ~np.isnan(sizes).all(0)], axis=0), initial=0.0))
+
+
+def body_middles(
+    cameras: Cameras,
+    silhouettes: UInt8[np.ndarray, "frames cams h w8"],
+    lost: Bool[np.ndarray, "frames cams"],
+) -> Float[np.ndarray, "frames 3"]:
+    """The point nearest to the rays through the centroids of each frame's silhouettes (m)."""
+    centroids = silhouette_centroids(silhouettes)
+    directions = np.full((len(silhouettes), len(cameras), 3), np.nan)
+    for c in range(len(cameras)):
+        there = ~lost[:, c]
+        directions[there, c] = rays(cameras, c, centroids[there, c])
+    across = np.eye(3) - directions[..., :, None] * directions[..., None, :]
+    weight = np.isfinite(directions).all(-1).astype(float)
+    across = np.nan_to_num(across)
+    centres = cameras.centres
+    points = np.zeros((len(silhouettes), 3))
+    # A few rounds of reweighting, because a blob of noise in one view must not pull the point away.
+    for _ in range(5):
+        left = np.einsum("fc,fcij->fij", weight, across) + 1e-9 * np.eye(3)
+        right = np.einsum("fc,fcij,cj->fi", weight, across, centres)
+        points = np.linalg.solve(left, right[..., None])[..., 0]
+        distance = np.linalg.norm(np.einsum("fcij,fcj->fci", across, points[:, None] - centres), axis=-1)
+        weight = np.isfinite(directions).all(-1) / (1 + (distance / 0.2) ** 2)
+    return points

@@ -1,0 +1,124 @@
+"""Where the cameras see the voxels of a grid: looked up once, because cameras and grid are static."""
+
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from .._runtime.batching import step_above
+from .._runtime.compile_cache import kept
+from ..cameras import Cameras, project
+from ._blocks import INNER, blocks_of, count_blocks, find_footprints, nowhere, voxels_of
+from ._grid import VoxelGrid
+
+# Blocks of voxels that are projected at once: always the same number, so that another grid does not compile again.
+_AT_ONCE = 1 << 10
+
+
+class ProjectionTable(eqx.Module):
+    """Which pixel each voxel centre falls on, for static cameras and a static grid."""
+
+    grid: VoxelGrid
+    pixels_of_blocks: Int[Array, "cams at_least_blocks inner"]
+    """The `pixels` block by block, see `voxels_of`, and of more blocks that nobody looks at: grids of about the same
+    size share what is compiled."""
+    observed_of_blocks: Bool[Array, "at_least_blocks inner"]
+    footprints: Int[Array, "cams at_least_blocks"]
+    """Where each camera sees each block of voxels, see `find_footprints`."""
+    size: tuple[int, int] = eqx.field(static=True)
+    """Height and width of the stored silhouettes (px)."""
+
+    @property
+    def pixels(self) -> Int[np.ndarray, "cams voxels"]:
+        """Index into the flattened image; one past its end where the camera does not see the voxel."""
+        return self._by_voxel(np.asarray(self.pixels_of_blocks))
+
+    @property
+    def observed(self) -> Bool[np.ndarray, " voxels"]:
+        """Seen by enough cameras to be told from the background."""
+        return self._by_voxel(np.asarray(self.observed_of_blocks))
+
+    def pixels_at(self, voxels: Int[np.ndarray, "n 3"]) -> Int[np.ndarray, "cams n"]:
+        """The `pixels` of some voxels, given by x, y and z."""
+        block, place = blocks_of(voxels, self.grid.shape)
+        table = np.asarray(self.pixels_of_blocks)
+        return table.reshape(len(table), -1).take(block * INNER + place, axis=1)
+
+    def partly_seen(self, voxels: Int[np.ndarray, "n 3"]) -> Int[np.ndarray, " some"]:
+        """Those of some voxels, by their numbers, of whose blocks some camera may not see all."""
+        blocks = (np.asarray(self.footprints) == nowhere(*self.size)).any(0)
+        return np.flatnonzero(blocks.take(blocks_of(voxels, self.grid.shape)[0]))
+
+    def with_min_views(self, min_views: int) -> "ProjectionTable":
+        """The same table with another number of cameras that must see a voxel."""
+        views = (np.asarray(self.pixels_of_blocks) < self.unseen).sum(0)
+        return replace(self, observed_of_blocks=jnp.asarray((views >= min_views) & _real(self.grid.shape, len(views))))
+
+    def _by_voxel(self, of_blocks: np.ndarray) -> np.ndarray:
+        """The grid's voxels in its order, from blocks of them."""
+        every = np.stack(np.unravel_index(np.arange(self.grid.size), self.grid.shape), 1)
+        blocks, places = blocks_of(every, self.grid.shape)
+        # Row by row in memory, as whoever reads it goes through it.
+        return of_blocks.reshape(*of_blocks.shape[:-2], -1).take(blocks * INNER + places, axis=-1)
+
+    @property
+    def unseen(self) -> int:
+        """The index of "not seen": the number of pixels of an image."""
+        return self.size[0] * self.size[1]
+
+
+def projection_table(cameras: Cameras, grid: VoxelGrid, height: int, width: int, min_views: int = 2) -> ProjectionTable:
+    """Project every voxel centre of a grid into every camera, in float64.
+
+    A voxel falls on the pixel whose centre is nearest (halves round up). It is not seen by a camera that it lies
+    behind, or whose image it falls outside of.
+
+    Args:
+        cameras: The rig.
+        grid: The voxels.
+        height: Height of the stored silhouettes (px); the images of all cameras fit into it.
+        width: Width of the stored silhouettes (px), a multiple of 8.
+        min_views: A voxel seen by fewer cameras than this is never occupied: nothing bounds it.
+    """
+    blocks = count_blocks(grid.shape)
+    pixels = np.full((len(cameras), step_above(blocks), INNER), height * width, np.int32)
+    axes = grid.axes()
+    # Names are no numbers, and other names would compile again.
+    nameless = replace(cameras, names=tuple(map(str, range(len(cameras)))))
+    # Part by part, because all coordinates of a large grid at once would take gigabytes.
+    with jax.enable_x64(True):
+        for start in range(0, blocks, _AT_ONCE):
+            voxels = voxels_of(np.arange(start, start + _AT_ONCE) % blocks, grid.shape)
+            # What a block has outside of the grid is seen where its first voxel is.
+            part = np.where(voxels < 0, voxels[:, :1], voxels).reshape(-1)
+            points = [axis.take(index) for axis, index in zip(axes, np.unravel_index(part, grid.shape), strict=True)]
+            found = np.asarray(_pixels(nameless, np.stack(points, 1), height, width)).reshape(len(cameras), -1, INNER)
+            stop = min(start + _AT_ONCE, blocks)
+            pixels[:, start:stop] = found[:, : stop - start]
+    footprints = np.stack([find_footprints(each, height, width) for each in pixels])
+    none = jnp.zeros(pixels.shape[1:], bool)
+    table = ProjectionTable(grid, jnp.asarray(pixels), none, jnp.asarray(footprints), (height, width))
+    return table.with_min_views(min_views)
+
+
+def _real(shape: tuple[int, ...], blocks: int) -> Bool[np.ndarray, "blocks inner"]:
+    """Which voxels of so many blocks are voxels of a grid."""
+    real = np.zeros((blocks, INNER), bool)
+    own = count_blocks(shape)
+    real[:own] = voxels_of(np.arange(own), shape) >= 0
+    return real
+
+
+@kept
+def _pixels(
+    cameras: Cameras, points: Float[Array | np.ndarray, "n 3"], height: int, width: int
+) -> Int[Array, "cams n"]:
+    """The pixels that points (m) fall on, as `ProjectionTable` has them."""
+    u, v, _ = project(cameras, points)
+    u, v = jnp.floor(u + 0.5), jnp.floor(v + 0.5)
+    # NaN, where the camera sees nothing, compares false.
+    seen = (u >= 0) & (v >= 0) & (u < cameras.size[:, 0, None]) & (v < cameras.size[:, 1, None])
+    return jnp.where(seen, v * width + u, height * width).astype(jnp.int32)

@@ -1,0 +1,83 @@
+"""Carve a batch and find the one person in each frame."""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
+
+from ..cameras import Cameras
+from ..poses import Status
+from ..recording import MIN_VIEWS, lost_views, silhouette_areas
+from ._carve import carve
+from ._ghosts import explains_silhouettes
+from ._grid_placement import body_middles
+from ._people import find_people, seen_whole
+from ._projection_table import ProjectionTable
+from ._visual_hulls import VisualHulls
+
+# Poor masks cut a person up; the parts are this near to each other (m).
+_CUT = 0.1
+
+Stopwatch = Callable[[str], AbstractContextManager[Any]]
+"""Called with the name of a stage, gives a context that lasts as long as the stage."""
+
+
+class Seen(eqx.Module):
+    """The frames of a batch that hold one whole person, and that person's hull."""
+
+    status: Int[np.ndarray, " frames"]
+    """A `Status` for each frame of the batch; OK where there is a person."""
+    frames: Int[np.ndarray, " people"]
+    """The frames with a person, in order; hulls are of these."""
+    lost: Bool[np.ndarray, "frames cams"]
+    """Views that show no person while others do."""
+    hulls: VisualHulls | None
+    """None where there is nothing to carve."""
+
+
+def see_people(
+    silhouettes: UInt8[np.ndarray, "frames cams h w8"],
+    cameras: Cameras,
+    table: ProjectionTable | None,
+    edge: Bool[np.ndarray, "x y z"],
+    max_misses: int,
+    stopwatch: Stopwatch = lambda _: nullcontext(),
+) -> Seen:
+    """Carve a batch of at most 32 frames and find the person in each.
+
+    Args:
+        silhouettes: Packed bits.
+        cameras: In the world of the grid.
+        table: Projection of the grid into the cameras; None where no frame has a hull.
+        edge: Observed voxels at the edge of what is observed, see `observed_edge`.
+        max_misses: Cameras that may see background at an occupied voxel.
+        stopwatch: Told the stages ``carve`` and ``graph``.
+    """
+    lost = lost_views(silhouette_areas(silhouettes), cameras)
+    views = (~lost).sum(1)
+    enough = views >= MIN_VIEWS
+    status = np.where(enough, Status.NO_HULL, np.where(views > 0, Status.TOO_FEW_VIEWS, Status.EMPTY))
+    if table is None:
+        return Seen(status, np.zeros(0, int), lost, None)
+    with stopwatch("carve"):
+        hulls = carve(silhouettes, table, lost, max_misses)
+    with stopwatch("graph"):
+        people = find_people(
+            hulls, edge, _CUT if max_misses else 0.0,
+            lambda f, body: explains_silhouettes(hulls, f, body, silhouettes[f], cameras, lost[f]),
+        )  # fmt: skip
+        status[enough] = people.status[enough]
+        cut = ~seen_whole(people.hulls, table, lost)
+        status[(status == Status.OK) & cut] = Status.PARTLY_OUTSIDE
+        frames = np.flatnonzero(status == Status.OK)
+    return Seen(status, frames, lost, people.hulls[frames])
+
+
+def middles_of_people(
+    seen: Seen, silhouettes: UInt8[np.ndarray, "frames cams h w8"], cameras: Cameras
+) -> Float[np.ndarray, "people 3"]:
+    """The middle of each person as the silhouettes alone say it (m)."""
+    return body_middles(cameras, silhouettes[seen.frames], seen.lost[seen.frames])

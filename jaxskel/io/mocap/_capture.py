@@ -1,0 +1,92 @@
+"""Captured motion as the motion-capture files hold it, and the checks that their readers share."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float
+
+from ..files import read_bounded
+
+# Guards against files that name more than they hold. The longest clips of the common databases have some 30
+# joints and 23 000 frames.
+_MOST_BYTES = 500_000_000
+_MOST_JOINTS = 1000
+_MOST_POSITIONS = 10_000_000
+_GREATEST_NUMBER = 1e9
+
+
+class Motion(eqx.Module):
+    """Joint positions of one clip of motion capture."""
+
+    names: tuple[str, ...] = eqx.field(static=True)
+    """Name of each joint in the file; parents come before their children."""
+    parents: tuple[int, ...] = eqx.field(static=True)
+    """Index of each joint's parent, -1 for the root."""
+    positions: Float[np.ndarray, "frames joints 3"]
+    """Joints in the world of the file (m)."""
+    rest: Float[np.ndarray, "joints 3"]
+    """Joints with all angles zero, the root at the origin (m)."""
+    fps: float
+    """Frames per second."""
+    up: str
+    """World axis that points up: one of `jaxskel.recording.UP_AXES`."""
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+
+def read_text(path: Path) -> str:
+    """The text of a motion file. Latin-1, because old files hold names in it and it never fails."""
+    return read_bounded(path, _MOST_BYTES, "a clip").decode("latin-1")
+
+
+def to_number(word: str, where: str) -> float:
+    """A finite number of a sensible size, or a ValueError that says where it is not."""
+    try:
+        value = float(word)
+    except ValueError:
+        value = math.nan
+    if not abs(value) < _GREATEST_NUMBER:
+        raise ValueError(f"{where}: {word[:40]!r} should be a number of at most 1e9")
+    return value
+
+
+def to_vector(words: Sequence[str], where: str) -> Float[np.ndarray, "3"]:
+    """Three finite numbers."""
+    if len(words) < 3:
+        raise ValueError(f"{where}: three numbers are needed, not {' '.join(words)[:60]!r}")
+    return np.array([to_number(word, where) for word in words[:3]])
+
+
+def check_size(frames: int, joints: int, where: str) -> None:
+    """Refuse clips without frames, and such as would fill the memory, before anything is allocated."""
+    if frames < 1 or joints < 1:
+        raise ValueError(f"{where}: the file holds {frames} frames of {joints} joints: it is cut short or not a motion")
+    if joints > _MOST_JOINTS or frames * joints > _MOST_POSITIONS:
+        raise ValueError(
+            f"{where}: {frames} frames of {joints} joints are more than the {_MOST_JOINTS} joints and "
+            f"{_MOST_POSITIONS} positions that a clip may have; cut it into parts"
+        )
+
+
+def check_scale(scale: float, fps: float | None = None) -> None:
+    """Refuse scales and frame rates that are not positive numbers."""
+    if not 0.0 < scale < 1e6:
+        raise ValueError(f"scale = {scale}: give metres per unit of the file, such as 0.01 for centimetres")
+    if fps is not None and not 0.0 < fps < 1e6:
+        raise ValueError(f"fps = {fps}: give the frame rate of the clip")
+
+
+def turn(axis: str, angle: Float[np.ndarray, " frames"]) -> Float[np.ndarray, "frames 3 3"]:
+    """Right-handed rotations about the axis ``x``, ``y`` or ``z`` (rad)."""
+    i = "xyz".index(axis)
+    j, k = (i + 1) % 3, (i + 2) % 3
+    rotation = np.zeros((len(angle), 3, 3))
+    rotation[:, i, i] = 1.0
+    rotation[:, j, j] = rotation[:, k, k] = np.cos(angle)
+    rotation[:, k, j] = np.sin(angle)
+    rotation[:, j, k] = -rotation[:, k, j]
+    return rotation

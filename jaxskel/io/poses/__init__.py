@@ -1,0 +1,15 @@
+"""Poses to the formats of other tools, and back: npz, CSV, TRC, C3D, BVH."""
+
+from ._bvh import BVH_NAMES as BVH_NAMES
+from ._bvh import Animation as Animation
+from ._bvh import write_bvh as write_bvh
+from ._c3d import write_c3d as write_c3d
+from ._markers import Markers as Markers
+from ._markers import with_up as with_up
+from ._poses_file import read_poses as read_poses
+from ._poses_file import read_truth as read_truth
+from ._poses_file import write_poses as write_poses
+from ._poses_file import write_table as write_table
+from ._trc import parse_trc as parse_trc
+from ._trc import read_trc as read_trc
+from ._trc import write_trc as write_trc

@@ -1,0 +1,127 @@
+"""Poses to BVH (Biovision), the text format of animation programs: a skeleton, and its rotations in each frame."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from ..._runtime.atomic_files import written_whole
+from ...body import JOINT_NAMES, TIP_NAMES
+from ...poses import Poses
+from ._euler import to_zxy
+from ._inverse_kinematics import fit_rig
+from ._markers import turn_up, with_up
+from ._rig import ENDS, RIG, Rig, placed
+
+# Of joints that are at the same place, the first: nothing that turns by itself comes before it.
+BVH_NAMES = {point: name for name, _, point in reversed(RIG) if point in JOINT_NAMES}
+"""Name in a BVH of each joint of poses. The tips are the end sites."""
+
+
+@dataclass(frozen=True)
+class Animation:
+    """What became of poses that were written as an animation."""
+
+    path: Path
+    held: int
+    """Frames without a pose, in which the animation holds the pose before them."""
+    deviation: float
+    """Greatest distance of a joint or tip from where the poses have it (m); lengths that vary are the reason."""
+    farthest: str
+    """Joint or tip at which it is greatest."""
+
+
+def write_bvh(path: str | Path, poses: Poses, *, up: str = "+Y", scale: float = 0.01) -> Animation:
+    """Write an animation for Blender and other animation programs.
+
+    Bones keep their lengths, the joints turn: elbows and knees as the limb bends, and as before where it is straight.
+    The bones that poses have from elbow to palm and from knee to ball of the foot are two here, with wrist and ankle
+    between them, whose distances are those of an average body. At rest the person stands in a T-pose and faces +Z where
+    +Y is up. Names are those that animation programs know: see `BVH_NAMES`.
+
+    The format has no gaps. A frame without a pose holds the one before it; those at the start have the first that there
+    is.
+
+    Args:
+        path: The file; its folder is made where it is missing.
+        poses: Frames at `poses.fps`.
+        up: World axis that shall point up in the file, which has no place to say it. Blender's importer takes +Y.
+        scale: Metres per unit of the file, which does not say it either: 0.01 for the usual centimetres.
+
+    Returns:
+        How well the animation agrees with the poses, and how many frames hold another's.
+
+    Raises:
+        ValueError: There is no pose, `up` is not one of `jaxskel.recording.UP_AXES`, or `scale` is not a length.
+    """
+    path = Path(path)
+    if not 0.0 < scale < 1e6:
+        raise ValueError(f"scale = {scale}: give metres per unit of the file, such as 0.01 for centimetres")
+    known = poses.has_pose
+    if not known.any():
+        raise ValueError(f"{path}: no frame has a pose: there is nothing to animate")
+    turn, standing = turn_up("+Z", up), with_up(poses, "+Z")
+    joints, tips = (points[known].astype(np.float64) for points in (standing.joints, standing.tips))
+    rig = fit_rig(joints, tips)
+    # Counts the poses up to each frame; before the first there is none, and the first is taken.
+    shown = np.maximum(np.cumsum(known) - 1, 0)
+    rows = _channels(rig, turn, scale)[shown]
+    lines = [*_hierarchy(rig, turn, scale), "MOTION", f"Frames: {len(rows)}", f"Frame Time: {1 / poses.fps:.10f}"]
+    lines += [" ".join(f"{value:.6f}" for value in row) for row in rows]
+    with written_whole(path) as file:
+        file.write("\n".join([*lines, ""]).encode())
+    return Animation(path, int((~known).sum()), *_deviation(rig, joints, tips))
+
+
+def _hierarchy(rig: Rig, turn: Float[np.ndarray, "3 3"], scale: float) -> list[str]:
+    lines, depth = ["HIERARCHY"], {"": 0}
+    open_braces: list[str] = []
+
+    def close(until: int) -> None:
+        while len(open_braces) > until:
+            open_braces.pop()
+            lines.append("\t" * len(open_braces) + "}")
+
+    for (name, parent, _), offset in zip(RIG, rig.offsets @ turn.T / scale, strict=True):
+        close(depth[parent])
+        indent = "\t" * depth[parent]
+        kind = "End Site" if name in ENDS else f"JOINT {name}" if parent else f"ROOT {name}"
+        lines += [indent + kind, indent + "{", f"{indent}\tOFFSET {_numbers(offset)}"]
+        if name not in ENDS:
+            position = "" if parent else "Xposition Yposition Zposition "
+            count = 3 if parent else 6
+            lines.append(f"{indent}\tCHANNELS {count} {position}Zrotation Xrotation Yrotation")
+        open_braces.append(name)
+        depth[name] = len(open_braces)
+    close(0)
+    return lines
+
+
+def _channels(rig: Rig, turn: Float[np.ndarray, "3 3"], scale: float) -> Float[np.ndarray, "frames channels"]:
+    """Position of the root (units of the file), and the angles of each joint relative to its parent (degrees)."""
+    names = [name for name, _, _ in RIG]
+    turning = [i for i, name in enumerate(names) if name not in ENDS]
+    parents = [names.index(RIG[i][1]) for i in turning[1:]]
+    whole = turn @ rig.rotations @ turn.T
+    local = np.concatenate(
+        [whole[:, :1], whole[:, parents].swapaxes(-1, -2) @ whole[:, turning[1:]]], axis=1
+    )  # fmt: skip
+    angles = np.rad2deg(to_zxy(local))
+    return np.concatenate([rig.root @ turn.T / scale, angles.reshape(len(angles), -1)], 1)
+
+
+def _deviation(rig: Rig, joints: np.ndarray, tips: np.ndarray) -> tuple[float, str]:
+    names, goals = JOINT_NAMES + TIP_NAMES, np.concatenate([joints, tips], 1)
+    points = placed(rig)
+    distances = {
+        point: float(np.linalg.norm(points[:, j] - goals[:, names.index(point)], axis=-1).max())
+        for j, (_, _, point) in enumerate(RIG)
+        if point
+    }
+    farthest = max(distances, key=lambda point: distances[point])
+    return distances[farthest], farthest
+
+
+def _numbers(vector: np.ndarray) -> str:
+    return " ".join(f"{value:.6f}" for value in vector)

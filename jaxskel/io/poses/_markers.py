@@ -1,0 +1,55 @@
+"""Points over time as marker files hold them: named trajectories, a rate, and an up axis."""
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float, Int
+
+from ...body import JOINT_NAMES, TIP_NAMES
+from ...poses import Poses
+from ...recording import rotation_to_z_up
+
+
+class Markers(eqx.Module):
+    """Named points over time."""
+
+    names: tuple[str, ...] = eqx.field(static=True)
+    positions: Float[np.ndarray, "frames markers 3"]
+    """In the world of the file (m); NaN where a marker was not seen."""
+    fps: float
+    """Frames per second."""
+    up: str
+    """World axis that points up: one of `jaxskel.recording.UP_AXES`."""
+    frame_index: Int[np.ndarray, " frames"]
+    """Number of each frame."""
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+
+def to_markers(poses: Poses) -> Markers:
+    """Joints and then tips as markers.
+
+    Raises:
+        ValueError: There are no frames.
+    """
+    if len(poses) == 0:
+        raise ValueError("the poses hold no frame: there is nothing to export")
+    positions = np.concatenate([poses.joints, poses.tips], 1).astype(np.float64)
+    return Markers(JOINT_NAMES + TIP_NAMES, positions, poses.fps, poses.up, np.asarray(poses.frame_index))
+
+
+def with_up(poses: Poses, up: str) -> Poses:
+    """The poses in a world turned so that the axis `up` points up: from +Z to +Y, (x, y, z) becomes (y, z, x).
+
+    Axes are exchanged cyclically, and two signs flipped where one of the two worlds has a negative axis: exact.
+
+    Raises:
+        ValueError: `up` is not one of `jaxskel.recording.UP_AXES`.
+    """
+    turn = turn_up(poses.up, up).T.astype(np.float32)
+    return eqx.tree_at(lambda p: (p.joints, p.tips, p.up), poses, (poses.joints @ turn, poses.tips @ turn, up))
+
+
+def turn_up(before: str, after: str) -> Float[np.ndarray, "3 3"]:
+    """Rotation from a world whose up axis is `before` to one where it is `after`; see `with_up`."""
+    return rotation_to_z_up(after).T @ rotation_to_z_up(before)

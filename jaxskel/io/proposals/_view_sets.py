@@ -1,0 +1,115 @@
+"""Sets of views in a folder: files or folders that differ in one part of their path, the camera's name."""
+
+import os
+import re
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..files import keys_of, shape_of
+from ..views import VIDEO_SUFFIXES, is_image
+
+# Folders in folders are looked through down to here, as in session/trial/camera/what/frames.
+_DEPTH = 5
+# Stacks of 3 x 4 and 4 x 4 are matrices, not masks.
+_LARGEST_MATRIX = 4
+_MASKS = frozenset(
+    "mask masks masked silhouette silhouettes sil silh matte mattes alpha seg segment segments segmented segmentation "
+    "segmentations binary foreground fg".split()
+)
+_BACKGROUND = frozenset("background backgrounds backg bg bgs plate plates empty clean cleanplate".split())
+_CALIBRATION = frozenset(
+    "checker checkers checkerboard checkerboards chess chessboard chessboards board boards calib calibration "
+    "calibrations calibrate charuco aruco intrinsic intrinsics intri extrinsic extrinsics extri".split()
+)
+
+
+@dataclass(frozen=True)
+class ViewSet:
+    """Views that belong together."""
+
+    pattern: str
+    """Their paths relative to the folder, with ``*`` where the camera's name stands."""
+    sources: dict[str, str]
+    """What each camera's images are, as a `recording.toml` names it, by the camera's name."""
+
+    @property
+    def is_of_masks(self) -> bool:
+        """Whether their name says that they are masks."""
+        return not _MASKS.isdisjoint(words_of(self.pattern))
+
+    @property
+    def is_background(self) -> bool:
+        """Whether their name says that they show the scene without the person."""
+        return not self.is_of_masks and not _BACKGROUND.isdisjoint(words_of(self.pattern))
+
+    @property
+    def is_accessory(self) -> bool:
+        """Whether their name says that they are made to prepare the others."""
+        return self.is_background or not _CALIBRATION.isdisjoint(words_of(self.pattern))
+
+
+def words_of(text: str) -> list[str]:
+    """Whole words of a name, in small letters: split at signs, at numbers, and where small letters turn to large."""
+    return [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", text)]
+
+
+def find_view_sets(folder: Path) -> list[ViewSet]:
+    """All sets of at least two views, in the order of their patterns."""
+    sets: dict[str, dict[str, str]] = defaultdict(dict)
+    for text in sorted(_sources(folder), key=_natural):
+        path, colon, key = text.partition(".npz:")
+        if colon:
+            sets[f"{path}.npz:*"][key] = text
+            continue
+        parts = text.split("/")
+        for place, part in enumerate(parts):
+            is_file = place == len(parts) - 1 and (folder / text).is_file()
+            name, suffix = os.path.splitext(part) if is_file else (part, "")
+            # A camera may be named twice, as in cam1/cam1_mask.mp4.
+            others = [re.sub(rf"(?<![^\W_]){re.escape(name)}(?![^\W_])", "*", other) for other in parts]
+            sets["/".join([*others[:place], f"*{suffix}", *others[place + 1 :]])][name] = text
+    found: dict[frozenset[str], ViewSet] = {}
+    for pattern, sources in sorted(sets.items()):
+        if len(sources) > 1:
+            found.setdefault(frozenset(sources.values()), ViewSet(pattern, sources))
+    return list(found.values())
+
+
+def _sources(folder: Path) -> Iterator[str]:
+    """Folders of images, videos and arrays of archives, as a `recording.toml` names them."""
+    reached = set()
+    for place, folders, files in os.walk(folder, followlinks=True):
+        here = Path(place)
+        depth = len(here.relative_to(folder).parts)
+        # A link to a parent is not gone through again.
+        folders[:] = [] if depth >= _DEPTH or here.resolve() in reached else sorted(
+            name for name in folders if not name.startswith(".")
+        )  # fmt: skip
+        reached.add(here.resolve())
+        text = here.relative_to(folder).as_posix()
+        if depth and any(is_image(here / file) for file in files):
+            yield text
+        for file in files:
+            path = (here / file).relative_to(folder).as_posix()
+            if file.startswith("."):
+                continue
+            if path.lower().endswith(VIDEO_SUFFIXES):
+                yield path
+            elif path.endswith(".npz"):
+                yield from (f"{path}:{key}" for key in _keys_of_masks(here / file))
+
+
+def _keys_of_masks(path: Path) -> list[str]:
+    """Arrays of an archive that may be a camera's masks; none where it is damaged."""
+    try:
+        shapes = {key: shape_of(path, key) for key in keys_of(path)}
+    except ValueError:
+        return []
+    return [key for key, shape in shapes.items() if len(shape) == 3 and min(shape[1:]) > _LARGEST_MATRIX]
+
+
+def _natural(text: str) -> list[tuple[int, str]]:
+    """Numbers in the order that people count in."""
+    return [(int(part), "") if part.isdigit() and len(part) < 10 else (-1, part) for part in re.split(r"(\d+)", text)]

@@ -1,0 +1,19 @@
+"""Recordings: a folder with a `recording.toml`, or everything in one sequence file. Out: a `Recording`."""
+
+from ._changed_images import missing_sizes as missing_sizes
+from ._changed_images import read_change as read_change
+from ._folders import RECORDING_FILE as RECORDING_FILE
+from ._folders import SUBJECT_FILE as SUBJECT_FILE
+from ._folders import described_recording as described_recording
+from ._folders import described_span as described_span
+from ._folders import described_views as described_views
+from ._inputs import holds_silhouettes as holds_silhouettes
+from ._inputs import input_paths as input_paths
+from ._recordings import read_recording as read_recording
+from ._sequence_file import IN_MEMORY as IN_MEMORY
+from ._sequence_file import check_names as check_names
+from ._sequence_file import frame_numbers as frame_numbers
+from ._sequence_file import frame_rate as frame_rate
+from ._sequence_file import truth as truth
+from ._sequence_file import write_recording as write_recording
+from ._view_table import open_frames as open_frames

@@ -1,0 +1,24 @@
+"""Recordings on disk: a sequence file, or a folder."""
+
+from pathlib import Path
+
+from ...recording import Recording
+from ._folders import RECORDING_FILE, read_folder
+from ._sequence_file import IN_MEMORY, read_sequence_file
+
+
+def read_recording(path: str | Path, in_memory: int = IN_MEMORY) -> Recording:
+    """Read a sequence file (see `sequence_file.py`) or a folder with a `recording.toml` (see `folders.py`).
+
+    Args:
+        path: The file, or the folder.
+        in_memory: Silhouettes that take more bytes than this, packed, do not stay in memory: those of a sequence file
+            are read when they are asked for, those of a folder go into a temporary file.
+
+    Raises:
+        ValueError: One line that names the file, the key and how to mend it.
+    """
+    path = Path(path)
+    if path.is_dir():
+        return read_folder(path, in_memory)
+    return read_folder(path.parent, in_memory) if path.name == RECORDING_FILE else read_sequence_file(path, in_memory)

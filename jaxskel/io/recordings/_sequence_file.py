@@ -1,0 +1,177 @@
+"""The sequence file, a recording in one file: a NumPy `.npz` archive.
+
+Every fault is a `ValueError` of one line that names file and key and how to mend it.
+"""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..._runtime.atomic_files import written_whole
+from ...body import JOINT_NAMES, TIP_NAMES, Skeleton, make_skeleton
+from ...cameras import Cameras, make_cameras
+from ...recording import Recording, Truth
+from ..calibrations import up_axis
+from ..files import StoredRows, fault, numbers, read_arrays, short, switches, texts
+from ._stored import StoredSilhouettes
+
+# A person with arms stretched spans less than this (m); truth in millimetres spans a thousand times more.
+_WIDEST_PERSON = 5.0
+# Half an hour at 30 frames per second does not fit beside what a process needs anyway; a minute does.
+IN_MEMORY = 256 << 20
+
+
+def read_sequence_file(path: Path, in_memory: int = IN_MEMORY) -> Recording:
+    """Read a sequence file.
+
+    Keys: `silhouettes` (frames, cams, h, w/8) packed bits or (frames, cams, h, w) masks of 0 and 1 or 255;
+    `K`, `R`, `t` (m), `size` (px), `fps`; optional `up` ("+Z" if missing), `dist`, `fisheye` (whether each lens is
+    that of cv2.fisheye), `camera_names`, `frame_index`, the subject's `rest_joints` and `rest_tips` (m), the ground
+    truth `joints` and `tips` (m, NaN where unknown). Others are ignored.
+
+    Args:
+        path: The file.
+        in_memory: Silhouettes that take more bytes than this, packed, stay in the file and are read when they are
+            asked for.
+
+    Raises:
+        ValueError: One line that names the file, the key and how to mend it.
+    """
+    stored = StoredRows(path, "silhouettes")
+    arrays = read_arrays(
+        path,
+        required=("K", "R", "t", "size", "fps"),
+        optional=("up", "dist", "fisheye", "camera_names", "frame_index", "rest_joints", "rest_tips", "joints", "tips",
+                  "joint_names", "tip_names"),
+    )  # fmt: skip
+    check_names(path, arrays, "joint_names", JOINT_NAMES)
+    check_names(path, arrays, "tip_names", TIP_NAMES)
+    cameras = _cameras(path, arrays)
+    silhouettes = StoredSilhouettes(stored, cameras)
+    frames = len(silhouettes)
+    return Recording(
+        cameras=cameras,
+        silhouettes=silhouettes if math.prod(silhouettes.shape) > in_memory else silhouettes[:],
+        fps=frame_rate(path, arrays),
+        up=up_axis(path, arrays),
+        frame_index=frame_numbers(path, arrays, frames),
+        skeleton=_skeleton(path, arrays),
+        truth=truth(path, arrays, frames),
+        name=path.stem,
+    )
+
+
+def write_recording(path: str | Path, recording: Recording, made_by: str | None = None) -> None:
+    """Write a sequence file for [`read_recording`][]; a broken-off write leaves no file behind.
+
+    Args:
+        path: File to write, `.npz`.
+        recording: What to write.
+        made_by: A note for people, and for a program that is to know its own files again.
+    """
+    cameras, skeleton, truth = recording.cameras, recording.skeleton, recording.truth
+    arrays: dict[str, Any] = {
+        "silhouettes": recording.silhouettes, "K": cameras.K, "R": cameras.R, "t": cameras.t,
+        "size": cameras.size[0] if (cameras.size == cameras.size[0]).all() else cameras.size,
+        "dist": cameras.dist, "camera_names": cameras.names,
+        "fps": recording.fps, "up": recording.up, "frame_index": recording.frame_index,
+        "joint_names": JOINT_NAMES, "tip_names": TIP_NAMES,
+    }  # fmt: skip
+    if cameras.fisheye is not None:
+        arrays |= {"fisheye": cameras.fisheye}
+    if skeleton is not None:
+        arrays |= {"rest_joints": skeleton.rest_joints, "rest_tips": skeleton.rest_tips}
+    if truth is not None:
+        arrays |= {"joints": truth.joints} | ({} if truth.tips is None else {"tips": truth.tips})
+    if made_by is not None:
+        arrays["made_by"] = made_by
+    with written_whole(Path(path)) as file:
+        np.savez_compressed(file, **arrays)
+
+
+def _cameras(path: Path, arrays: dict[str, np.ndarray]) -> Cameras:
+    K = numbers(path, arrays, "K", (None, 3, 3))
+    n = len(K)
+    if n < 2:
+        raise fault(path, "K", f"{n} camera; a visual hull needs at least 2 calibrated views")
+    names = [f"cam{i}" for i in range(n)]
+    if "camera_names" in arrays:
+        names = texts(path, arrays, "camera_names")
+        if len(names) != n or len(set(names)) != n:
+            raise fault(path, "camera_names", f"give {n} different names, one for each camera of K, not {names}")
+    # One key at a time beside harmless others, so that the key at fault is known.
+    given: dict[str, Any] = {"K": K, "R": np.tile(np.eye(3), (n, 1, 1)), "t": np.zeros((n, 3)), "size": (1, 1)}
+    cameras = None
+    for key in ("K", "R", "t", "size", "fisheye", "dist"):
+        if key in arrays:
+            given[key] = switches(path, arrays, key, n) if key == "fisheye" else numbers(path, arrays, key, None)
+            try:
+                cameras = make_cameras(**given, names=names)
+            except ValueError as error:
+                raise fault(path, key, str(error)) from None
+    assert cameras is not None
+    return cameras
+
+
+def _skeleton(path: Path, arrays: dict[str, np.ndarray]) -> Skeleton | None:
+    given = [key for key in ("rest_joints", "rest_tips") if key in arrays]
+    if not given:
+        return None
+    if len(given) == 1:
+        missing = "rest_tips" if given[0] == "rest_joints" else "rest_joints"
+        raise fault(path, given[0], f"comes without {missing}; give both or neither")
+    joints = numbers(path, arrays, "rest_joints", (15, 3))
+    tips = numbers(path, arrays, "rest_tips", (5, 3))
+    try:
+        return make_skeleton(joints, tips)
+    except ValueError as error:
+        raise fault(path, "rest_joints", str(error)) from None
+
+
+def truth(path: Path, arrays: dict[str, np.ndarray], frames: int | None) -> Truth | None:
+    """Check the ground truth of a file (m); NaN stands where it is unknown."""
+    if "joints" not in arrays:
+        if "tips" in arrays:
+            raise fault(path, "tips", "comes without joints; give both or neither")
+        return None
+    joints = numbers(path, arrays, "joints", (frames, 15, 3), nan=True)
+    tips = numbers(path, arrays, "tips", (len(joints), 5, 3), nan=True) if "tips" in arrays else None
+    together = {"joints": joints} if tips is None else {"joints": joints, "tips": np.concatenate([joints, tips], 1)}
+    for key, points in together.items():
+        # fmax and fmin step over NaN without a warning.
+        extent = (np.fmax.reduce(points, axis=1) - np.fmin.reduce(points, axis=1)).max(axis=1)
+        if (extent > _WIDEST_PERSON).any():
+            frame = int(np.argmax(extent > _WIDEST_PERSON))
+            raise fault(
+                path,
+                key,
+                f"the person spans {extent[frame]:.0f} m in frame {frame}; lengths are metres, so divide by "
+                "1000 if these are millimetres",
+            )
+    return Truth(joints, tips)
+
+
+def frame_rate(path: Path, arrays: dict[str, np.ndarray]) -> float:
+    """Check `fps`."""
+    fps = arrays["fps"]
+    if fps.size != 1 or fps.dtype.kind not in "iuf" or not 0 < float(fps.reshape(())) < np.inf:
+        raise fault(path, "fps", f"give one positive number of frames per second, not {short(fps)}")
+    return float(fps.reshape(()))
+
+
+def frame_numbers(path: Path, arrays: dict[str, np.ndarray], frames: int) -> np.ndarray:
+    """Check `frame_index`, 0, 1, 2, ... where it is missing."""
+    index = arrays.get("frame_index", np.arange(frames))
+    if index.shape != (frames,) or index.dtype.kind not in "iu":
+        raise fault(path, "frame_index", f"{index.dtype} of shape {index.shape}; give {frames} whole numbers")
+    if (index.dtype.itemsize == 8) and (index > np.iinfo(np.int64).max).any():
+        raise fault(path, "frame_index", "holds numbers beyond 63 bits; number the frames from 0")
+    return index.astype(np.int64)
+
+
+def check_names(path: Path, arrays: dict[str, np.ndarray], key: str, names: tuple[str, ...]) -> None:
+    """Refuse a file whose joints are listed in another order; a file that does not say is trusted."""
+    if key in arrays and tuple(texts(path, arrays, key)) != names:
+        raise fault(path, key, f"reorder the file to {', '.join(names)}")

@@ -1,0 +1,45 @@
+"""How far to trust each joint of a pose that follows the labelled graph, from 0 to 1."""
+
+import numpy as np
+from jaxtyping import Float
+
+from ..body import JOINT_NAMES, TIP_PARENTS, Skeleton
+from ._descriptors import template_ends
+from ._limbs import END_NODE_REACH, HEAD, L_FOOT, L_HAND, R_FOOT, R_HAND, Limbs
+
+# A limb this far (m) from its end node, or with a way from the head wrong by so much, is not to be trusted.
+_END_SCALE, _WAY_SCALE, _NODE_SCALE = 0.08, 0.20, 0.10
+_LIMB_OF_JOINT = {
+    "head": HEAD, "l_elbow": L_HAND, "l_hand": L_HAND, "r_elbow": R_HAND, "r_hand": R_HAND,
+    "l_knee": L_FOOT, "l_foot": L_FOOT, "r_knee": R_FOOT, "r_foot": R_FOOT,
+}  # fmt: skip
+_TRUNK = {"pelvis": "pelvis", "l_hip": "pelvis", "r_hip": "pelvis", "neck": "neck", "l_shoulder": "neck",
+          "r_shoulder": "neck"}  # fmt: skip
+
+
+def joint_confidence(
+    joints: Float[np.ndarray, "frames joints=15 3"],
+    tips: Float[np.ndarray, "frames tips=5 3"],
+    limbs: Limbs,
+    skeleton: Skeleton,
+) -> Float[np.ndarray, "frames joints=15"]:
+    """Confidence of the joints of poses that follow the labelled graph.
+
+    A limb is trusted if its end node was found, if the way from the head to it through the body is as long as the
+    template's (an arm that touches the trunk has a short cut) and if the fitted limb reaches it. Pelvis and neck are
+    trusted if the fitted joint lies at its node.
+    """
+    base = joints[:, list(TIP_PARENTS)]
+    reached = base + END_NODE_REACH * (tips - base)
+    miss = np.linalg.norm(reached - limbs.ends, axis=-1)
+    template = template_ends(skeleton)
+    way = np.abs(limbs.lengths - template[0])
+    limb = np.exp(-((miss / _END_SCALE) ** 2)) * np.exp(-((way / _WAY_SCALE) ** 2)) * limbs.found
+    limb[:, HEAD] = np.exp(-((miss[:, HEAD] / _END_SCALE) ** 2))
+    nodes = {"pelvis": limbs.pelvis, "neck": limbs.neck}
+    trunk = {
+        name: np.exp(-((np.linalg.norm(joints[:, JOINT_NAMES.index(name)] - node, axis=-1) / _NODE_SCALE) ** 2))
+        for name, node in nodes.items()
+    }
+    columns = [limb[:, _LIMB_OF_JOINT[name]] if name in _LIMB_OF_JOINT else trunk[_TRUNK[name]] for name in JOINT_NAMES]
+    return np.stack(columns, -1).astype(np.float32)

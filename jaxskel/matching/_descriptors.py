@@ -1,0 +1,59 @@
+"""Geodesic descriptors of graphs and template (Eq. 1 and 5): the only door from ragged NumPy to padded JAX."""
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..body import JOINT_PARENTS, TIP_PARENTS, Skeleton
+from ..graph import MAX_ENDS, SkeletalGraph, forest_of
+
+
+class EndNodes(eqx.Module):
+    """End nodes of a batch of graphs, padded to `MAX_ENDS`, the root first, then by geodesic distance to it."""
+
+    nodes: Int[np.ndarray, "frames ends"]
+    """Number of the node in its graph; -1 in the padding."""
+    count: Int[np.ndarray, " frames"]
+    """Number of end nodes N."""
+    distances: Float[np.ndarray, "frames ends ends"]
+    """D (Eq. 1): geodesic distance of every two end nodes (m); 0 in the padding."""
+    positions: Float[np.ndarray, "frames ends 3"]
+    """In the graphs' world (m); 0 in the padding."""
+
+
+def describe_ends(graphs: Sequence[SkeletalGraph]) -> EndNodes:
+    """Collect the end nodes of some graphs and their pairwise geodesic distances.
+
+    Raises:
+        ValueError: A graph has more than `MAX_ENDS` end nodes; limit them when pruning.
+    """
+    forest = forest_of(graphs)
+    ends = forest.end_nodes
+    if ends.shape[1] > MAX_ENDS:
+        raise ValueError(f"a graph has {ends.shape[1]} end nodes, more than {MAX_ENDS}: prune longer branches")
+    nodes = np.full((len(graphs), MAX_ENDS), -1, np.int32)
+    nodes[:, : ends.shape[1]] = ends
+    there, at = nodes >= 0, np.maximum(nodes, 0)
+    distances = np.take_along_axis(forest.geodesics(at), at[..., None], 1)
+    distances = np.where(there[:, :, None] & there[:, None], distances, 0.0)
+    positions = np.where(there[..., None], np.take_along_axis(forest.positions, at[..., None], 1), 0.0)
+    count = there.sum(1).astype(np.int32)
+    return EndNodes(nodes, count, distances.astype(np.float32), positions.astype(np.float32))
+
+
+def template_geodesics(skeleton: Skeleton) -> Float[np.ndarray, "nodes=20 ends=5"]:
+    """Geodesic distance along the bones from every joint, then every tip, to each of the five tips (m).
+
+    Rows 15 to 19 are D' (Eq. 1 for the template G'); the rows of pelvis and neck are F_G' (Eq. 5).
+    """
+    joints, tips = np.asarray(skeleton.rest_joints), np.asarray(skeleton.rest_tips)
+    positions = np.concatenate([joints, tips])
+    tree = SkeletalGraph(positions, np.array(JOINT_PARENTS + TIP_PARENTS), np.zeros(20))
+    return tree.geodesics(np.arange(15, 20)).astype(np.float32)
+
+
+def template_ends(skeleton: Skeleton) -> Float[np.ndarray, "ends=5 ends=5"]:
+    """D' (Eq. 1) of the template: geodesic distances of head, left and right hand, left and right foot tips (m)."""
+    return template_geodesics(skeleton)[15:]

@@ -1,0 +1,141 @@
+"""What the silhouettes' outlines say to a body with volume: viewing rays that graze it."""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int, UInt8
+
+from ..cameras import Cameras, rays
+from ..recording import Box, person_boxes, unpacked_box
+
+RAYS = 3600
+"""Rays of a frame, by default: about a third of an outline's pixels in ten views of 640 x 480."""
+
+
+class Contours(eqx.Module):
+    """Viewing rays through points of the silhouettes' outlines, of all views of a frame together.
+
+    A true outline's rays graze the body: unlike the hull's surface, they say nothing about what no view can tell.
+    """
+
+    centres: Float[Array | np.ndarray, "*frames rays 3"]
+    """A point on each ray: the optical centre of its camera (m)."""
+    directions: Float[Array | np.ndarray, "*frames rays 3"]
+    """Unit vectors."""
+
+    def thinned(self, factor: int) -> "Contours":
+        """One ray of so many: rays are in no order."""
+        return Contours(self.centres[..., ::factor, :], self.directions[..., ::factor, :])
+
+
+def contours(
+    silhouettes: UInt8[np.ndarray, "frames cams h w8"],
+    cameras: Cameras,
+    lost: Bool[np.ndarray, "frames cams"],
+    count: int = RAYS,
+) -> Contours:
+    """Rays through the outlines of some frames' silhouettes, the same number from each view.
+
+    An outline runs half-way between pixels of person and background. Where a view is cut off by the edge of its image
+    there is no outline. Points are drawn without order but always the same.
+
+    Args:
+        silhouettes: Packed bits.
+        cameras: The rig.
+        lost: Views that are left out.
+        count: Number of rays of a frame; where there are fewer points, some are given twice, and where there are none
+            at all, all rays are NaN.
+    """
+    own = cameras.centres
+    centres, directions = (np.full((len(silhouettes), count, 3), np.nan, np.float32) for _ in range(2))
+    for frame, packed in enumerate(silhouettes):
+        which = _write_directions(directions[frame], packed, cameras, lost[frame])
+        if which is not None:
+            centres[frame] = own[which]
+    return Contours(centres, directions)
+
+
+def _write_directions(
+    directions: Float[np.ndarray, "rays 3"],
+    silhouettes: UInt8[np.ndarray, "cams h w8"],
+    cameras: Cameras,
+    lost: Bool[np.ndarray, " cams"],
+) -> Int[np.ndarray, " rays"] | None:
+    """Fill in the rays of one frame, and tell the camera of each; None where there is no outline."""
+    bent = cameras.bent
+    views = []
+    for camera, (packed, box) in enumerate(zip(silhouettes, person_boxes(silhouettes), strict=True)):
+        if box is None or lost[camera]:
+            continue
+        width, height = cameras.size[camera]
+        steps, seen = _steps_in(packed[:height], int(width), box), None
+        if bent[camera]:  # only what the lens shows one-to-one
+            seen = rays(cameras, camera, steps.points)
+            there = np.flatnonzero(np.isfinite(seen).all(1))
+            steps, seen = steps.some(there), seen[there]
+        if len(steps.place):
+            views.append((camera, steps, seen))
+    if not views:
+        return None
+    which, uv = np.zeros(len(directions), int), np.zeros((len(directions), 2))
+    ends = np.linspace(0, len(directions), len(views) + 1).astype(int).tolist()
+    for (camera, steps, seen), first, end in zip(views, ends[:-1], ends[1:], strict=True):
+        drawn = _drawn(len(steps.place), end - first)
+        which[first:end], uv[first:end] = camera, steps.some(drawn).points
+        if seen is not None:
+            directions[first:end] = seen[drawn]
+    # All views without distortion at once.
+    straight = np.flatnonzero(~bent[which])
+    directions[straight] = rays(cameras, which[straight], uv[straight])
+    return which
+
+
+@lru_cache(maxsize=4096)
+def _drawn(points: int, share: int) -> Int[np.ndarray, " share"]:
+    """Which of some points are drawn; where there are fewer, some are drawn twice."""
+    drawn = np.resize(np.random.default_rng(0).permutation(points)[:share], share)
+    drawn.flags.writeable = False
+    return drawn
+
+
+def outline(packed: UInt8[np.ndarray, "h w8"], width: int) -> Float[np.ndarray, "n 2"]:
+    """Points (u, v) between neighbouring pixels of which one is person, the other background (px)."""
+    box = person_boxes(packed)[0]
+    return np.zeros((0, 2)) if box is None else _steps_in(packed, width, box).points
+
+
+class _Steps(NamedTuple):
+    """Places of an outline, most of which nobody draws."""
+
+    place: Int[np.ndarray, " n"]
+    """Of the pixel to the left of it or above it, row after row of some part of an image."""
+    below: Bool[np.ndarray, " n"]
+    """Whether the other pixel is the one below, not the one to the right."""
+    part: tuple[int, int, int]
+    """Number of columns, first column and first row of that part."""
+
+    def some(self, which: Int[np.ndarray, " some"]) -> "_Steps":
+        return _Steps(self.place[which], self.below[which], self.part)
+
+    @property
+    def points(self) -> Float[np.ndarray, "n 2"]:
+        """Columns and rows half-way between the two pixels (px)."""
+        width, left, top = self.part
+        v, u = np.divmod(self.place, width)
+        half = 0.5 * self.below
+        return np.stack([u + (left + 0.5) - half, v + top + half], 1)
+
+
+def _steps_in(packed: UInt8[np.ndarray, "h w8"], width: int, box: Box) -> _Steps:
+    top, bottom, left, right = box
+    top, left = max(top - 1, 0), max(left - 1, 0)
+    near = unpacked_box(packed, top, bottom + 1, left, min(right + 1, width))
+    # In one row of numbers what is true is found several times as fast; the last one has no right neighbour.
+    row = near.ravel()
+    beside = row[1:] ^ row[:-1]
+    beside[near.shape[1] - 1 :: near.shape[1]] = False
+    across, down = np.flatnonzero(beside), np.flatnonzero(near[1:] ^ near[:-1])
+    places = np.concatenate([across, down])
+    return _Steps(places, np.arange(len(places)) >= len(across), (near.shape[1], left, top))

@@ -1,0 +1,27 @@
+"""What to do where nothing comes out."""
+
+import numpy as np
+
+from ..poses import WITH_POSE, Poses, Status
+from ..recording import Recording, silhouette_areas
+
+
+def advice(poses: Poses, recording: Recording) -> str | None:
+    """What to do if there is no pose at all."""
+    if poses.has_pose.any():
+        return None
+    worst = Status(max(set(poses.status.tolist()), key=poses.status.tolist().count))
+    assert worst not in WITH_POSE
+    share = silhouette_areas(recording.silhouettes)[::8] / recording.cameras.size.prod(1)
+    if np.median(share) > 0.5:
+        return "no pose in any frame: most of every image is person, so the masks seem to be inverted; 1 = person"
+    hints = {
+        Status.EMPTY: "no view shows a person: are the masks inverted or black?",
+        Status.TOO_FEW_VIEWS: "fewer than three views show a person",
+        Status.NO_HULL: "the silhouettes have no common volume: is the calibration that of these views, in metres?",
+        Status.SEVERAL_PEOPLE: "more than one person is in view",
+        Status.PARTLY_OUTSIDE: "the person reaches over the edge of what the cameras see",
+        Status.NO_MATCH: "the hull is not that of a person with these dimensions: is the up axis right?",
+        Status.FAILED: "the refinement broke down",
+    }
+    return f"no pose in any frame: {hints[worst]} (jaxskel check draws it)"

@@ -1,0 +1,205 @@
+"""A subject's bone lengths and radii from a recording, where nobody has measured the subject."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from .._runtime.batching import filled, on_device, single_precision, taken
+from ..body import (
+    JOINT_NAMES,
+    LENGTH_NAMES,
+    SEGMENT_NAMES,
+    SEGMENT_PARENTS,
+    Body,
+    Pose,
+    Skeleton,
+    adults_prior,
+    lengths_of,
+    measured_body,
+)
+from ..body_calibration import Costs, bundle_adjust
+from ..graph import SkeletalGraph
+from ..hull import FRAMES_PER_WORD
+from ..matching import Limbs, estimate_stature
+from ..recording import Recording
+from ..refinement.terms import Observed
+from ..search import fit_poses, fit_scales, graphless_poses, make_model, solve_frames, start_poses
+from ._observe_batch import Observation, label_graphs, look_at_outlines, observe_batch
+from ._prepare import prepare
+from ._settings import Settings
+
+FRAMES = 60
+STAGES = ("looking", "searching", "adjusting", "searching again", "adjusting again", "judging")
+"""What `calibrate_body` does, one after the other."""
+# Fewer frames than this do not tell lengths from flesh.
+_LEAST_FRAMES = 8
+# Frames whose fit is the worst may be wrong altogether; they are left out.
+_USED = 0.8
+# One ray of so many: neighbours say the same.
+_SOME = 3
+# The place that a segment turns about is seen where it takes directions so far apart (rad): 20 degrees. Where they are
+# closer, a shift of the place along the segment looks much like a shift of the flesh around it.
+_TURNED = 0.35
+_PAIRS = 0.9  # of the pairs of frames show a smaller angle
+_SCALES = fit_scales((0.04, 4))
+# The bones at whose turning the two ends of each length are seen. Palms and tips are seen by their flesh only.
+_SEEN_BY = {
+    "trunk": ("trunk", "neck"), "neck": ("neck",), "shoulder": ("upper_arm",), "upper_arm": ("upper_arm", "forearm"),
+    "forearm": ("forearm",), "hip": ("thigh",), "thigh": ("thigh", "shank"), "shank": ("shank",),
+}  # fmt: skip
+# Each of these bones: the joint that it turns about, in words, its segments, and from where to where it goes.
+_TURNING = {
+    "trunk": ("waist", ("chest",), "pelvis", "neck"), "neck": ("neck", ("head",), "neck", "head"),
+    "upper_arm": ("shoulder", ("l_upper_arm", "r_upper_arm"), "l_shoulder", "l_elbow"),
+    "forearm": ("elbow", ("l_forearm", "r_forearm"), "l_elbow", "l_hand"),
+    "thigh": ("hip", ("l_thigh", "r_thigh"), "l_hip", "l_knee"),
+    "shank": ("knee", ("l_shank", "r_shank"), "l_knee", "l_foot"),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class MeasuredLength:
+    """A length of a subject, both sides alike."""
+
+    length: float
+    """From joint centre to joint centre (m)."""
+    deviation: float
+    """Standard deviation (m): of what is seen, given how the bodies of adults differ."""
+    still: tuple[str, ...]
+    """Joints at its ends that hardly turn in these frames: only the flesh around them tells where they are."""
+
+
+@dataclass(frozen=True)
+class CalibratedBody:
+    """A subject's dimensions and flesh. A recording takes the skeleton, `Settings(body=...)` the body."""
+
+    skeleton: Skeleton
+    body: Body
+    lengths: dict[str, MeasuredLength]
+    """By the names of the subject's file, see [`read_subject`][jaxskel.io.subjects.read_subject]."""
+    costs: Costs
+    """What the frames cost in the end, in the units of `volume_objective`."""
+    frames: int
+    """So many frames count."""
+
+
+class _Sight(NamedTuple):
+    """What the chosen frames show."""
+
+    observed: Observed
+    limbs: Limbs
+    facing: Float[np.ndarray, "frames 3"]
+    middles: Float[np.ndarray, "frames 3"]
+
+
+def calibrate_body(
+    recording: Recording,
+    settings: Settings | None = None,
+    skeleton: Skeleton | None = None,
+    frames: int = FRAMES,
+    on_stage: Callable[[str], None] = lambda _: None,
+) -> CalibratedBody:
+    """Find a subject's bone lengths and radii, without known dimensions, from the silhouettes of some frames.
+
+    Poses are searched for with an average adult; then lengths, flesh and the poses of all frames are adjusted at once,
+    and both once more. What the silhouettes leave open is as adults are, given what they show: flesh around a joint
+    tells where it is, because a table knows how both go together (see [`adults`][jaxskel.body.adults]). Left and
+    right are taken to be alike, hands to be half closed. A joint is found best where it turns: frames in which
+    shoulders, elbows, hips and knees bend are worth more than many frames.
+
+    Args:
+        recording: Silhouettes and cameras; its ``skeleton`` is not looked at.
+        settings: How hulls are made and poses searched for; a body in it is not looked at.
+        skeleton: Template to start from, instead of the default adult, where a subject's proportions are known to
+            differ from it; its size does not count: it is that of the hulls.
+        frames: So many frames, spread evenly, are used.
+        on_stage: Called with each of `STAGES` as it begins.
+
+    Raises:
+        ValueError: Fewer than 8 of the frames show one whole person, or the settings have no search.
+    """
+    settings = settings or Settings()
+    if settings.search is None:
+        raise ValueError("calibrate_body: the settings have no search for poses; give Settings(search=Search())")
+    on_stage(STAGES[0])
+    template, sight = _look(recording, settings, skeleton, frames)
+    prior = adults_prior(template)
+    shape, body = prior.mean, measured_body(template, prior.mean)
+    stack = on_device(sight.observed.seen_only())
+    for searching, adjusting in (STAGES[1:3], STAGES[3:5]):
+        on_stage(searching)
+        starts = start_poses(sight.limbs, sight.facing, body.skeleton)
+        fallback = graphless_poses(sight.middles, body.skeleton)
+        found = solve_frames(make_model(body), settings.search, starts, fallback, sight.observed)
+        used = found.cost[:, 0] <= np.quantile(found.cost[:, 0], _USED)
+        on_stage(adjusting)
+        adjusted = bundle_adjust(template, prior, shape, filled(found.best), stack.thinned(_SOME), used)
+        shape, body = adjusted.shape, measured_body(template, adjusted.shape)
+    on_stage(STAGES[5])
+    poses = taken(adjusted.poses, np.flatnonzero(used))
+    fitted = fit_poses(
+        single_precision(body), jax.tree.map(lambda a: a[:, None], poses), taken(sight.observed, used), _SCALES
+    )
+    low, typical = np.quantile(fitted.cost[:, 0], (0.1, 0.5))
+    still = {bone for bone in _TURNING if _turning(poses, body.skeleton, bone) < _TURNED}
+    lengths = {
+        name: MeasuredLength(
+            float(length),
+            float(length * deviation),
+            tuple(_TURNING[bone][0] for bone in _SEEN_BY.get(name, ()) if bone in still),
+        )
+        for name, length, deviation in zip(LENGTH_NAMES, lengths_of(body.skeleton), adjusted.deviations, strict=True)
+    }
+    return CalibratedBody(body.skeleton, body, lengths, Costs(float(low), float(typical)), int(used.sum()))
+
+
+def _look(recording: Recording, settings: Settings, template: Skeleton | None, frames: int) -> tuple[Skeleton, _Sight]:
+    """The template in the subject's size, and what some frames show, a batch at a time."""
+    unknown = eqx.tree_at(lambda r: r.skeleton, recording, template, is_leaf=lambda leaf: leaf is None)
+    prepared = prepare(unknown, settings, calibrate=False)
+    chosen = np.unique(np.linspace(0, len(recording) - 1, frames).astype(int))
+    batches: list[tuple[Observation, list[SkeletalGraph]]] = []
+    for batch in np.array_split(chosen, -(-len(chosen) // FRAMES_PER_WORD)):
+        found = observe_batch(recording.silhouettes[batch], prepared, settings, outlines=False)
+        if found.labelled is not None:
+            batches.append((found, found.labelled.graphs))
+    count = sum(len(found.seen.frames) for found, _ in batches)
+    if count < _LEAST_FRAMES:
+        raise ValueError(
+            f"{recording.name}: {count} of {len(chosen)} frames show one whole person, too few to tell a body's "
+            f"dimensions; give {_LEAST_FRAMES} or more, in different poses (jaxskel check {recording.name}.npz)"
+        )
+    # Legs that are too long are bent, if need be backwards: left and right are exchanged then.
+    skeleton = prepared.skeleton
+    stature = estimate_stature([graph for _, graphs in batches for graph in graphs], skeleton)
+    if stature is not None:
+        skeleton = skeleton.scaled(stature / skeleton.stature)
+    parts: list[_Sight] = []
+    for found, graphs in batches:
+        labelled = label_graphs(graphs, skeleton, settings)
+        outlines = look_at_outlines(found._replace(labelled=labelled), prepared).outlines
+        assert outlines is not None
+        parts.append(_Sight(outlines.observed, labelled.limbs, labelled.facing, outlines.middles))
+    return skeleton, jax.tree.map(lambda *some: np.concatenate(some), *parts)
+
+
+def _turning(poses: Pose, skeleton: Skeleton, bone: str) -> float:
+    """The angle (rad) that a bone turns through relative to what it hangs on, there and back, in all but a few frames.
+
+    Of left and right the one that turns more. What turns about itself shows nothing of where it hangs.
+    """
+    _, segments, start, end = _TURNING[bone]
+    joints, rotations = np.asarray(skeleton.rest_joints), np.asarray(poses.rotations, np.float64)
+    along = joints[JOINT_NAMES.index(end)] - joints[JOINT_NAMES.index(start)]
+    angles = []
+    for name in segments:
+        segment = SEGMENT_NAMES.index(name)
+        own = along * ([1, -1, 1] if name.startswith("r_") else [1, 1, 1]) / np.linalg.norm(along)
+        seen = np.einsum("fji,fjk,k->fi", rotations[:, SEGMENT_PARENTS[segment]], rotations[:, segment], own)
+        angles.append(np.quantile(np.arccos(np.clip(seen @ seen.T, -1, 1)), _PAIRS))
+    return float(max(angles))

@@ -1,0 +1,38 @@
+"""What objectives are measured against: the labelled graph, the outlines and the hull of each person."""
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from ..cameras import Cameras
+from ..hull import Seen, hull_volumes
+from ..matching import Limbs
+from ..outlines import RAYS, contours, credible, silhouette_distances
+from ..refinement.terms import Observed
+
+
+def observed_graph(limbs: Limbs) -> Observed:
+    """What the labelled graph alone says."""
+    return Observed(limbs.paths, limbs.found, limbs.neck, limbs.pelvis)
+
+
+def observed_volume(
+    limbs: Limbs,
+    seen: Seen,
+    silhouettes: UInt8[np.ndarray, "frames cams h w8"],
+    cameras: Cameras,
+    middles: Float[np.ndarray, "people 3"],
+    misses: int,
+    needs_hull: bool = False,
+) -> Observed:
+    """What graph, outlines and, on demand, the hull say: of the frames with a person, of whom there must be one."""
+    own = silhouettes[seen.frames], cameras, seen.lost[seen.frames]
+    # Carving is sparing with misses, which make a hull fat; here the outlines say how thin the body is.
+    distances = silhouette_distances(*own, misses + 1 if misses else 0)
+    outlines = contours(*own, 2 * RAYS if misses else RAYS)
+    if misses:
+        outlines = credible(outlines, distances, middles, (~own[2]).sum(1), RAYS)
+    field, surface = None, None
+    if needs_hull:
+        assert seen.hulls is not None
+        field, surface = hull_volumes(seen.hulls)
+    return Observed(limbs.paths, limbs.found, limbs.neck, limbs.pelvis, field, surface, outlines, distances)

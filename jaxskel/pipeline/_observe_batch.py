@@ -1,0 +1,132 @@
+"""The front half of the method: what the silhouettes of a batch show, before any pose.
+
+The only file that knows the order of these stages: carve, find the person, draw the graph, label it, look at the
+outlines (Sect. 3.1 and 3.2).
+"""
+
+from collections.abc import Callable
+from contextlib import nullcontext
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int, UInt8
+
+from ..body import Skeleton
+from ..graph import SkeletalGraph, person_graphs
+from ..hull import Seen, Stopwatch, middles_of_people, see_people
+from ..matching import Limbs, labelled_limbs
+from ..refinement.terms import Observed
+from ._evidence import observed_volume
+from ._prepared import Prepared
+from ._settings import Settings
+
+
+class Labelled(NamedTuple):
+    """The labelled skeletal graphs of some people."""
+
+    graphs: list[SkeletalGraph]
+    skeleton: Skeleton
+    """The template that they were matched with."""
+    limbs: Limbs
+    facing: Float[np.ndarray, "people 3"]
+    """Unit vector that each person faces, in the world with z up."""
+    sides: Float[np.ndarray, " people"]
+    """Confidence in left and right, from 0.5 to 1."""
+
+
+class Outlines(NamedTuple):
+    """What the silhouettes themselves say of some people."""
+
+    middles: Float[np.ndarray, "people 3"]
+    """The middle of each person (m)."""
+    observed: Observed
+
+
+class Observation(NamedTuple):
+    """What the silhouettes of a batch show."""
+
+    silhouettes: UInt8[np.ndarray, "frames cams h w8"]
+    seen: Seen
+    labelled: Labelled | None = None
+    """None where nobody is seen, or where nobody asked."""
+    outlines: Outlines | None = None
+    """None likewise."""
+
+
+def observe_batch(
+    silhouettes: UInt8[np.ndarray, "frames cams h w8"],
+    prepared: Prepared,
+    settings: Settings,
+    *,
+    label: bool = True,
+    outlines: bool = True,
+    needs_hull: bool = False,
+    template: Callable[[list[SkeletalGraph]], Skeleton] | None = None,
+    stopwatch: Stopwatch = lambda _: nullcontext(),
+) -> Observation:
+    """Observe a batch of at most 32 frames.
+
+    Args:
+        silhouettes: Packed bits.
+        prepared: What `prepare` found for this recording and these settings.
+        settings: How.
+        label: Whether to draw and label the graphs.
+        outlines: Whether to look at the outlines of the silhouettes.
+        needs_hull: Whether the outlines come with the distances to the hull's surface, which take time.
+        template: Given the graphs, the template to label them with; by default the one that is prepared.
+        stopwatch: Told the stages ``carve``, ``graph``, ``match`` and ``observe``.
+    """
+    seen = see_people(
+        silhouettes, prepared.cameras, prepared.table, prepared.edge, prepared.max_misses, stopwatch
+    )  # fmt: skip
+    observation = Observation(silhouettes, seen)
+    if len(seen.frames) == 0:
+        return observation
+    if label:
+        graphs = draw_graphs(seen, np.arange(len(seen.frames)), prepared, settings, stopwatch)
+        skeleton = prepared.skeleton if template is None else template(graphs)
+        observation = observation._replace(labelled=label_graphs(graphs, skeleton, settings, stopwatch))
+    if outlines:
+        observation = look_at_outlines(observation, prepared, needs_hull, stopwatch)
+    return observation
+
+
+def draw_graphs(
+    seen: Seen, people: Int[np.ndarray, " some"], prepared: Prepared, settings: Settings, stopwatch: Stopwatch
+) -> list[SkeletalGraph]:
+    """The graphs of some of the people in a batch."""
+    assert seen.hulls is not None
+    graph = settings.graph
+    with stopwatch("graph"):
+        return person_graphs(
+            seen.hulls[people], prepared.skeleton, graph.root_finder, graph.min_branch, graph.skeletoniser
+        )
+
+
+def label_graphs(
+    graphs: list[SkeletalGraph],
+    skeleton: Skeleton,
+    settings: Settings,
+    stopwatch: Stopwatch = lambda _: nullcontext(),
+) -> Labelled:
+    """Match graphs with a template."""
+    with stopwatch("match"):
+        found = labelled_limbs(graphs, skeleton, settings.matching.matcher, settings.matching.descriptor)
+    return Labelled(graphs, skeleton, *found)
+
+
+def look_at_outlines(
+    observation: Observation,
+    prepared: Prepared,
+    needs_hull: bool = False,
+    stopwatch: Stopwatch = lambda _: nullcontext(),
+) -> Observation:
+    """The same observation with what the outlines say, and the labels where there are any."""
+    silhouettes, seen, labelled, _ = observation
+    limbs = Limbs.none(len(seen.frames)) if labelled is None else labelled.limbs
+    with stopwatch("observe"):
+        middles = middles_of_people(seen, silhouettes, prepared.cameras)
+        observed = observed_volume(
+            limbs, seen, silhouettes, prepared.cameras, middles, prepared.max_misses, needs_hull
+        )  # fmt: skip
+    return observation._replace(outlines=Outlines(middles, observed))

@@ -1,0 +1,101 @@
+"""Before the first frame: the grid, its projection, and what the recording tells about the subject."""
+
+from dataclasses import replace
+
+import equinox as eqx
+import numpy as np
+
+from ..body import Skeleton, default_adult, make_body
+from ..body_calibration import calibrate_flesh
+from ..graph import SkeletalGraph
+from ..hull import FRAMES_PER_WORD, judge_misses, make_grid, observed_edge, place_grid, projection_table
+from ..matching import estimate_stature
+from ..recording import Recording, Silhouettes, lost_views, rotation_to_z_up, silhouette_areas
+from ..search import graphless_poses, make_model, start_poses
+from ._observe_batch import observe_batch
+from ._prepared import Prepared
+from ._settings import Settings
+
+_SUBJECT_FRAMES = 24
+# A body is not calibrated on fewer frames than this: one wrong pose would bend it.
+_LEAST_FRAMES = 8
+_STATURES = (0.8, 2.4)  # m
+
+
+def prepare(recording: Recording, settings: Settings, *, calibrate: bool = True) -> Prepared:
+    """Place the grid, project it into the cameras, judge the silhouettes, and get to know the subject.
+
+    Where the subject's dimensions are unknown, an average adult is scaled to the stature that the hulls show; where no
+    body is given, one is calibrated on up to 24 frames.
+
+    Args:
+        recording: Silhouettes and cameras.
+        settings: How.
+        calibrate: Whether to calibrate a body and make the search ready; hull and graph need neither.
+    """
+    to_z_up = rotation_to_z_up(recording.up)
+    cameras = recording.cameras.rotated(to_z_up)
+    silhouettes = recording.silhouettes
+    min_views = settings.hull.min_views or (3 if len(cameras) >= 6 else 2)
+    lost = lost_views(silhouette_areas(silhouettes), cameras)
+    box = None
+    if settings.hull.box is not None:
+        corners = settings.hull.box @ to_z_up.T  # the rotation only exchanges axes
+        box = np.stack([corners.min(0), corners.max(0)])
+    max_misses = settings.hull.max_misses
+    if max_misses is None:
+        max_misses = judge_misses(cameras, silhouettes, lost, min_views, box)
+    elif max_misses > len(cameras) - min_views:
+        raise ValueError(
+            f"{recording.name}: max_misses (--max-misses) {max_misses}: at least {min_views} of {len(cameras)} cameras "
+            f"must see a person; give {len(cameras) - min_views} or less"
+        )
+    if box is not None:
+        grid = make_grid(box[0], box[1], settings.hull.spacing)
+    else:
+        grid = place_grid(cameras, silhouettes, lost, settings.hull.spacing, min_views, max_misses)
+    table, edge = None, np.zeros((0, 0, 0), bool)
+    if grid is not None:
+        # A voxel that may be missed by some cameras must be seen by so many more.
+        table = projection_table(cameras, grid, silhouettes.shape[2], 8 * silhouettes.shape[3], min_views + max_misses)
+        edge = observed_edge(table.observed.reshape(grid.shape))
+    known = recording.skeleton is not None
+    skeleton = recording.skeleton or default_adult()
+    body = settings.body or make_body(skeleton)
+    prepared = Prepared(to_z_up, cameras, table, edge, max_misses, skeleton, known, body, None)
+    prepared = _with_subject(prepared, silhouettes, settings, calibrate)
+    return prepared if settings.search is None or not calibrate else replace(prepared, model=make_model(prepared.body))
+
+
+def _with_subject(prepared: Prepared, recorded: Silhouettes, settings: Settings, calibrate: bool) -> Prepared:
+    calibrating = calibrate and settings.search is not None and settings.body is None
+    if prepared.table is None or (prepared.skeleton_is_known and not calibrating):
+        return prepared
+    chosen = np.unique(np.linspace(0, len(recorded) - 1, _SUBJECT_FRAMES).astype(int))
+    assert len(chosen) <= FRAMES_PER_WORD
+    found = observe_batch(
+        recorded[chosen], prepared, settings, outlines=calibrating, template=lambda graphs: _template(graphs, prepared)
+    )
+    if found.labelled is None:
+        return prepared
+    skeleton = found.labelled.skeleton
+    if skeleton is not prepared.skeleton:
+        prepared = eqx.tree_at(
+            lambda p: (p.skeleton, p.body), prepared, (skeleton, settings.body or make_body(skeleton))
+        )  # fmt: skip
+    if settings.search is None or found.outlines is None or len(found.seen.frames) < _LEAST_FRAMES:
+        return prepared
+    starts = start_poses(found.labelled.limbs, found.labelled.facing, skeleton)
+    fallback = graphless_poses(found.outlines.middles, skeleton)
+    flesh = calibrate_flesh(prepared.body, starts, fallback, found.outlines.observed, settings.search)
+    return replace(prepared, body=flesh.body, costs=flesh.costs)
+
+
+def _template(graphs: list[SkeletalGraph], prepared: Prepared) -> Skeleton:
+    """The subject's skeleton where it is known, else an average adult of the graphs' stature."""
+    if prepared.skeleton_is_known:
+        return prepared.skeleton
+    stature = estimate_stature(graphs)
+    return (
+        default_adult(stature) if stature is not None and _STATURES[0] < stature < _STATURES[1] else prepared.skeleton
+    )

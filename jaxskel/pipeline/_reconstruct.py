@@ -1,0 +1,125 @@
+"""The whole method: from a recording to poses, batch by batch."""
+
+from collections.abc import Iterator
+from contextlib import nullcontext
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import UInt8
+
+from .._runtime.batching import filled, single_precision
+from ..body import Pose
+from ..hull import FRAMES_PER_WORD, Stopwatch
+from ..poses import Poses, Status, join_poses
+from ..recording import Recording
+from ..refinement import Refined, refine_frames
+from ..refinement.terms import Objective, Observed
+from ..search import Track
+from ._prepare import prepare
+from ._prepared import Prepared
+from ._settings import Settings
+from ._start import start_of
+
+BATCH = FRAMES_PER_WORD
+
+
+def reconstruct_batch(
+    silhouettes: UInt8[np.ndarray, "frames cams h w8"],
+    recording: Recording,
+    prepared: Prepared,
+    settings: Settings,
+    stopwatch: Stopwatch = lambda _: nullcontext(),
+    track: Track | None = None,
+) -> tuple[Poses, Track | None]:
+    """Reconstruct up to `BATCH` consecutive frames. ``fps`` and ``frame_index`` count from the batch's start.
+
+    Where the settings ask for tracking, the track of the frames before goes in, and the one to go on with comes out.
+    """
+    count = len(silhouettes)
+    joints, tips = np.full((count, 15, 3), np.nan, np.float32), np.full((count, 5, 3), np.nan, np.float32)
+    confidence, sides = np.zeros((count, 15), np.float32), np.full(count, 0.5, np.float32)
+    objective = settings.refinement.objective_for(prepared.body)
+    seen, start, track = start_of(silhouettes, recording.fps, prepared, settings, objective, track, stopwatch)
+    status, good = seen.status, seen.frames
+    if start is not None:
+        with stopwatch("refine"):
+            refined = _refined(start.poses, start.observed, prepared, objective, settings)
+        status[good[~start.plausible]] = Status.NO_MATCH
+        fitted = start.plausible & refined.finite
+        status[good[start.plausible & ~refined.finite]] = Status.FAILED
+        status[good[fitted & ~refined.converged]] = Status.NOT_CONVERGED
+        done = good[fitted]
+        status[done[(status[done] == Status.OK) & seen.lost[done].any(1)]] = Status.VIEW_LOST
+        back = prepared.to_z_up.T.astype(np.float32)
+        joints[done], tips[done] = refined.joints[fitted] @ back.T, refined.tips[fitted] @ back.T
+        confidence[done], sides[done] = start.confidence(refined)[fitted], start.sides[fitted]
+    poses = Poses(joints, tips, confidence, sides, status, recording.fps, recording.up, np.arange(count))
+    return poses, track
+
+
+def reconstruct_batches(
+    recording: Recording,
+    settings: Settings | None = None,
+    prepared: Prepared | None = None,
+    stopwatch: Stopwatch = lambda _: nullcontext(),
+) -> Iterator[Poses]:
+    """Reconstruct a recording batch by batch, in order: for long recordings and progress bars."""
+    settings = settings or Settings()
+    prepared = prepared or prepare(recording, settings)
+    for poses, _ in batches_from(0, None, recording, settings, prepared, stopwatch):
+        yield poses
+
+
+def batches_from(
+    first: int,
+    track: Track | None,
+    recording: Recording,
+    settings: Settings,
+    prepared: Prepared,
+    stopwatch: Stopwatch = lambda _: nullcontext(),
+) -> Iterator[tuple[Poses, Track | None]]:
+    """Reconstruct a recording batch by batch, from a frame on.
+
+    Args:
+        first: Frame to begin with, counted from 0: a multiple of `BATCH`.
+        track: What came with the batch before, None at the beginning.
+        recording: Silhouettes and cameras.
+        settings: How to reconstruct.
+        prepared: What `prepare` found for this recording and these settings.
+        stopwatch: Told the stages.
+
+    Returns:
+        Poses of the batches, each with what the next one goes on with.
+    """
+    for start in range(first, len(recording), BATCH):
+        part = slice(start, start + BATCH)
+        poses, track = reconstruct_batch(recording.silhouettes[part], recording, prepared, settings, stopwatch, track)
+        yield eqx.tree_at(lambda p: p.frame_index, poses, recording.frame_index[part]), track
+
+
+def reconstruct(recording: Recording, settings: Settings | None = None) -> Poses:
+    """Reconstruct the pose of every frame of a recording, each frame by itself.
+
+    Args:
+        recording: Silhouettes and cameras; its ``skeleton`` is the template if it is known, otherwise an average
+            adult is scaled to the stature that the hulls show.
+        settings: How; see `Settings`.
+
+    Returns:
+        Poses in the recording's world, with a status for each frame. A frame that cannot be reconstructed has NaN
+        joints and a status that says why; it does not harm the others.
+    """
+    return join_poses(reconstruct_batches(recording, settings))
+
+
+def _refined(
+    initial: Pose, observed: Observed, prepared: Prepared, objective: Objective, settings: Settings
+) -> Refined:
+    """Refine the poses of some frames of a batch."""
+    count, how = len(initial.root), settings.refinement
+    refined = refine_frames(
+        single_precision(objective), how.parametrisation, how.solver, single_precision(prepared.skeleton),
+        filled(initial), observed, how.rounds, how.max_steps,
+    )  # fmt: skip
+    return jax.tree.map(lambda a: np.asarray(a)[:count], refined)

@@ -1,0 +1,120 @@
+"""How to reconstruct: everything a user may choose, in one object."""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float
+
+from ..body import Body, default_adult, make_body
+from ..graph import HeadBall, HighestVoxel, RootFinder, Skeletoniser, VoxelScooping
+from ..matching import HANDLESS_DESCRIPTOR, PAPER_DESCRIPTOR, DtwMatcher, Matcher
+from ..refinement import Solver
+from ..refinement.parametrisations import ExactBones, HingedLimbs, Parametrisation
+from ..refinement.solvers import LevenbergMarquardt, default_solver
+from ..refinement.terms import Objective, paper_objective, volume_objective
+from ..search import Search, Tracking
+
+
+class HullSettings(eqx.Module):
+    """How the visual hull is carved (Sect. 3.1)."""
+
+    spacing: float = 0.015
+    """Edge length of a voxel (m)."""
+    box: Float[np.ndarray, "2 3"] | None = None
+    """Lower and upper corner of what to carve, in the recording's world (m); by default around the silhouettes."""
+    min_views: int | None = None
+    """Cameras that must see a voxel for it to be occupied; by default 3, with fewer than six cameras 2."""
+    max_misses: int | None = None
+    """k-of-n voting: the number of cameras that may see background at an occupied voxel; by default judged by the
+    silhouettes."""
+
+
+class GraphSettings(eqx.Module):
+    """How the skeletal graph is extracted from the hull (Sect. 3.1)."""
+
+    skeletoniser: Skeletoniser = VoxelScooping()
+    """Draws the curve skeleton: by voxel scooping, as in the paper, or by `ThinnestPaths`."""
+    root_finder: RootFinder = HeadBall()
+    """Where the graph starts: on the ball of the head, or, as in the paper, at the `HighestVoxel`."""
+    min_branch: float = 0.24
+    """Shorter branches of the graph are pruned (m)."""
+
+
+class MatchingSettings(eqx.Module):
+    """How the end nodes of the graph are labelled (Sect. 3.2)."""
+
+    matcher: Matcher = DtwMatcher()
+    """Which end node is which limb: by DTW, as in the paper, or by an `ExactMatcher`."""
+    descriptor: tuple[int, ...] = HANDLESS_DESCRIPTOR
+    """Labels whose geodesic distances describe neck and pelvis (Eq. 5)."""
+
+
+class RefinementSettings(eqx.Module):
+    """How the pose is refined (Sect. 3.3)."""
+
+    objective: Objective | Callable[[Body], Objective] = volume_objective
+    """What is minimised: an objective, or a function that makes one for the subject's body."""
+    parametrisation: Parametrisation = HingedLimbs()
+    """How a pose is written as unknowns."""
+    solver: Solver = eqx.field(default_factory=default_solver)
+    rounds: int = 2
+    """How often correspondences are looked up again."""
+    max_steps: int = 16
+    """Steps of the solver in each round."""
+
+    def objective_for(self, body: Body) -> Objective:
+        """The objective for a subject."""
+        return self.objective if isinstance(self.objective, Objective) else self.objective(body)
+
+
+class Settings(eqx.Module):
+    """How to reconstruct, stage by stage.
+
+    By default the graph proposes poses and the silhouettes decide between them, see `Search`.
+
+    Raises:
+        ValueError: A combination that cannot work.
+    """
+
+    hull: HullSettings = HullSettings()
+    graph: GraphSettings = GraphSettings()
+    matching: MatchingSettings = MatchingSettings()
+    search: Search | None = Search()
+    """Poses to refine: searched for in the silhouettes, or, where None, the one that the labelled graph gives."""
+    tracking: Tracking | None = None
+    """Follow the person from frame to frame instead of searching in every frame; needs a search."""
+    body: Body | None = None
+    """The subject's body, if it has been calibrated before; by default it is calibrated on the recording."""
+    refinement: RefinementSettings = eqx.field(default_factory=RefinementSettings)
+
+    def __check_init__(self):
+        """Refuse what cannot work."""
+        if self.search is not None:
+            return
+        if self.tracking is not None:
+            raise ValueError("tracking needs a search to start from: give Settings(search=Search()), or no tracking")
+        if self.refinement.objective_for(self.body or make_body(default_adult())).needs_outlines:
+            raise ValueError(
+                "without a search only the graph is looked at, but the objective needs outlines: give "
+                "Settings(search=Search()), or paper_objective()"
+            )
+
+
+def paper_settings() -> Settings:
+    """The paper's method, faithful.
+
+    The head is the highest voxel, Eq. 5 describes inner nodes by all end nodes, every view carves, and the pose of the
+    labelled graph is refined against the graph, bone lengths kept. What the graph lies nearest to is looked up often:
+    that lowers the error more than the last percent of the cost does.
+    """
+    return Settings(
+        hull=HullSettings(max_misses=0),
+        graph=GraphSettings(root_finder=HighestVoxel()),
+        matching=MatchingSettings(descriptor=PAPER_DESCRIPTOR),
+        search=None,
+        refinement=RefinementSettings(
+            objective=paper_objective(), parametrisation=ExactBones(),
+            solver=LevenbergMarquardt(rtol=1e-2, atol=3e-3, ftol=1e-2), rounds=5,
+        ),
+    )  # fmt: skip

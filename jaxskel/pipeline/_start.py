@@ -1,0 +1,157 @@
+"""Where the refinement of a batch starts: the pose of the labelled graph, or the best one of a search."""
+
+from collections.abc import Callable
+from contextlib import nullcontext
+from typing import NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
+
+from .._runtime.batching import filled, on_device, padded, single_precision, taken
+from ..body import Body, Pose, Skeleton, place_joints
+from ..graph import SkeletalGraph, forest_of
+from ..hull import FRAMES_PER_WORD, Seen, Stopwatch
+from ..matching import L_FOOT, R_FOOT, Limbs, joint_confidence, template_ends
+from ..refinement import Refined
+from ..refinement.terms import Objective, Observed
+from ..search import (
+    NOT_THE_SUBJECT,
+    Hypotheses,
+    Proposed,
+    Search,
+    Track,
+    dear,
+    graphless_poses,
+    initial_poses,
+    make_model,
+    searched_confidence,
+    solve_frames,
+    start_poses,
+    track_frames,
+    trust_in_explained,
+    unexplained_shares,
+)
+from ._evidence import observed_graph
+from ._observe_batch import Labelled, Observation, draw_graphs, label_graphs, observe_batch
+from ._prepared import Prepared
+from ._settings import Settings
+
+# A body whose ways from head to feet differ by more than this share from the template's is not this person, or not
+# all of a person.
+_LEG_TOLERANCE = 0.3
+# From a raised hand, which the highest voxel may be, the feet are at most half as far again as from the head.
+_FARTHEST = 1.6
+
+
+class Start(NamedTuple):
+    """Where the refinement starts, and what is known before it."""
+
+    poses: Pose
+    observed: Observed
+    """On the device, filled up as `on_device` does."""
+    plausible: Bool[np.ndarray, " frames"]
+    sides: Float[np.ndarray, " frames"]
+    confidence: Callable[[Refined], Float[np.ndarray, "frames joints=15"]]
+
+
+def start_of(
+    silhouettes: UInt8[np.ndarray, "frames cams h w8"],
+    fps: float,
+    prepared: Prepared,
+    settings: Settings,
+    objective: Objective,
+    track: Track | None = None,
+    stopwatch: Stopwatch = lambda _: nullcontext(),
+) -> tuple[Seen, Start | None, Track | None]:
+    """Observe a batch, and find where the refinement of its people starts, as the settings ask for it.
+
+    Returns:
+        Who is seen, the start (None where nobody is), and the track to go on with.
+    """
+    search, tracking = settings.search, settings.tracking
+    # What is tracked needs graphs only where it is searched for, unless the objective looks at them.
+    found = observe_batch(
+        silhouettes, prepared, settings, label=tracking is None or objective.needs_graph, outlines=search is not None,
+        needs_hull=objective.needs_hull, stopwatch=stopwatch,
+    )  # fmt: skip
+    if len(found.seen.frames) == 0:
+        return found.seen, None, track
+    if search is None:
+        assert found.labelled is not None
+        return found.seen, _by_graph(found.labelled), track
+    start, track = _by_search(found, search, fps, prepared, settings, track, stopwatch)
+    return found.seen, start, track
+
+
+def _by_graph(labelled: Labelled) -> Start:
+    """The labelled graph gives the pose (Sect. 3.3)."""
+    graphs, skeleton, limbs, facing, sides = labelled
+
+    def confidence(refined: Refined) -> Float[np.ndarray, "frames joints=15"]:
+        return joint_confidence(np.asarray(refined.joints), np.asarray(refined.tips), limbs, skeleton)
+
+    poses = initial_poses(limbs, facing, skeleton)
+    return Start(poses, on_device(observed_graph(limbs)), _plausible(graphs, limbs, skeleton), sides, confidence)
+
+
+def _by_search(
+    found: Observation,
+    search: Search,
+    fps: float,
+    prepared: Prepared,
+    settings: Settings,
+    track: Track | None,
+    stopwatch: Stopwatch,
+) -> tuple[Start, Track | None]:
+    """The graph proposes, the silhouettes decide."""
+    seen, labelled, outlines = found.seen, found.labelled, found.outlines
+    assert outlines is not None
+
+    def propose(chosen: Int[np.ndarray, " some"]) -> Proposed:
+        if labelled is None:
+            graphs = draw_graphs(seen, chosen, prepared, settings, stopwatch)
+            limbs, facing, sides = label_graphs(graphs, prepared.skeleton, settings, stopwatch)[2:]
+        else:
+            limbs, facing, sides = taken(labelled[2:], chosen)
+        return Proposed(start_poses(limbs, facing, prepared.skeleton), sides)
+
+    observed = on_device(outlines.observed)
+    fallback = graphless_poses(outlines.middles, prepared.skeleton)
+    costs, model = prepared.costs, prepared.model or make_model(prepared.body)
+    search = search.relative_to(None if costs is None else costs.low)
+    with stopwatch("search"):
+        if settings.tracking is None:
+            starts, sides = propose(np.arange(len(seen.frames)))
+            hypotheses = solve_frames(model, search, starts, fallback, observed)
+        else:
+            hypotheses, sides, track = track_frames(
+                model, search, settings.tracking, fps, track, propose, fallback, observed
+            )
+        unexplained = _unexplained(hypotheses.best, observed, prepared.body)
+        unusual = dear(None if costs is None else costs.typical)
+        trust = searched_confidence(_joints(hypotheses, prepared.skeleton), hypotheses.cost, unusual)
+        trust *= trust_in_explained(unexplained)[:, None]
+    return Start(hypotheses.best, observed, unexplained < NOT_THE_SUBJECT, sides, lambda _: trust), track
+
+
+def _unexplained(poses: Pose, observed: Observed, body: Body) -> Float[np.ndarray, " frames"]:
+    """Share of the outlines that lie outside of the body, and not near it."""
+    assert observed.contours is not None
+    shares = unexplained_shares(single_precision(body), filled(poses), observed.contours)
+    return np.asarray(shares)[: len(poses.root)]
+
+
+def _joints(found: Hypotheses, skeleton: Skeleton) -> Float[np.ndarray, "frames hypotheses joints=15 3"]:
+    count, hypotheses = found.cost.shape
+    poses = jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:]), padded(found.poses, FRAMES_PER_WORD))
+    joints = np.asarray(place_joints(single_precision(skeleton), poses)[0])
+    return joints.reshape(FRAMES_PER_WORD, hypotheses, *joints.shape[1:])[:count]
+
+
+def _plausible(graphs: list[SkeletalGraph], limbs: Limbs, skeleton: Skeleton) -> Bool[np.ndarray, " frames"]:
+    """Is there at least one leg of about the template's length, and nothing much farther from the head?"""
+    way = template_ends(skeleton)[0, [L_FOOT, R_FOOT]]
+    legs = np.abs(limbs.lengths[:, [L_FOOT, R_FOOT]] / way - 1) < _LEG_TOLERANCE
+    farthest = forest_of(graphs).depths.max(1)
+    return (legs & limbs.found[:, [L_FOOT, R_FOOT]]).any(1) & (farthest < _FARTHEST * way.max())

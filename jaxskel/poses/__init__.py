@@ -1,0 +1,17 @@
+"""The result: poses of all frames with a status and a confidence, filtered and scored.
+
+In: joints (m). Out: `Poses`, smoothed poses, and errors against a ground truth (`metrics`).
+"""
+
+from . import metrics as metrics
+from ._poses import STATUS_NAMES as STATUS_NAMES
+from ._poses import WITH_POSE as WITH_POSE
+from ._poses import Poses as Poses
+from ._poses import Status as Status
+from ._poses import join_poses as join_poses
+from ._smooth import smooth as smooth
+from .metrics import CURVE_THRESHOLDS_MM as CURVE_THRESHOLDS_MM
+from .metrics import LIMBS as LIMBS
+from .metrics import Score as Score
+from .metrics import score as score
+from .metrics import score_table as score_table

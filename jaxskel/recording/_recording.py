@@ -1,0 +1,75 @@
+"""A recording: synchronised silhouettes of one person in calibrated views, with what is known about the subject."""
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
+
+from ..body import Skeleton
+from ..cameras import Cameras
+from ._silhouettes import Silhouettes
+
+UP_AXES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
+
+
+class Truth(eqx.Module):
+    """Ground truth of a recording, for scoring only."""
+
+    joints: Float[np.ndarray, "frames joints=15 3"]
+    """Joints in the recording's world (m)."""
+    tips: Float[np.ndarray, "frames tips=5 3"] | None = None
+    """Limb tips in the recording's world (m)."""
+
+
+class Recording(eqx.Module):
+    """Silhouettes of one person, all views at once, in the world of the cameras."""
+
+    cameras: Cameras
+    silhouettes: Silhouettes
+    """Packed bits, as `numpy.packbits` over the width gives them: 1 = person. In memory, or read frame by frame."""
+    fps: float
+    """Frames per second of these frames."""
+    up: str
+    """World axis that points up: one of `UP_AXES`."""
+    frame_index: Int[np.ndarray, " frames"]
+    """Number of each frame in the material it was taken from."""
+    skeleton: Skeleton | None = None
+    """The subject's dimensions, if known."""
+    truth: Truth | None = None
+    name: str = "recording"
+    turns: Int[np.ndarray, " cams"] | None = None
+    """By how much the images of each camera were turned after it was calibrated (degrees, clockwise), where that is
+    known. Cameras are those of the images as they are."""
+
+    def __len__(self) -> int:
+        return len(self.silhouettes)
+
+    def __getitem__(self, index: slice) -> "Recording":
+        """The frames of a slice."""
+        truth = self.truth
+        if truth is not None:
+            truth = Truth(truth.joints[index], None if truth.tips is None else truth.tips[index])
+        return Recording(
+            self.cameras, self.silhouettes[index], self.fps, self.up, self.frame_index[index], self.skeleton,
+            truth, self.name, self.turns,
+        )  # fmt: skip
+
+
+def pack_silhouettes(masks: Bool[np.ndarray, "frames cams h w"]) -> UInt8[np.ndarray, "frames cams h w8"]:
+    """Pack boolean masks (True = person) into the bits that a `Recording` holds."""
+    return np.packbits(masks, axis=-1)
+
+
+def unpack_silhouettes(packed: UInt8[np.ndarray, "*batch h w8"], width: int) -> Bool[np.ndarray, "*batch h w"]:
+    """Unpack bits into boolean masks of the given width (px)."""
+    return np.unpackbits(packed, axis=-1, count=width).view(bool)
+
+
+def rotation_to_z_up(up: str) -> Float[np.ndarray, "3 3"]:
+    """Rotation that takes a world whose up axis is `up` to one with z up.
+
+    A cyclic exchange of the axes, with two signs flipped for a negative axis: exact in floating point.
+    """
+    if up not in UP_AXES:
+        raise ValueError(f"up axis {up!r}: give one of {', '.join(UP_AXES)}")
+    rotation = np.roll(np.eye(3), "ZXY".index(up[1]), axis=1)
+    return rotation if up[0] == "+" else np.diag([1.0, -1.0, -1.0]) @ rotation

@@ -1,0 +1,16 @@
+"""The constrained least squares that ends it (Sect. 3.3), for one frame, a batch, or a whole sequence.
+
+In: start poses, what was observed, an objective (`terms`), unknowns (`parametrisations`) and a solver (`solvers`). Out:
+`Refined` poses with the cost of each term.
+"""
+
+from . import parametrisations as parametrisations
+from . import solvers as solvers
+from . import terms as terms
+from ._frames import Refined as Refined
+from ._frames import Solver as Solver
+from ._frames import refine_frame as refine_frame
+from ._frames import refine_frames as refine_frames
+from ._learn_weights import Learned as Learned
+from ._learn_weights import learn_weights as learn_weights
+from ._sequence import refine_sequence as refine_sequence

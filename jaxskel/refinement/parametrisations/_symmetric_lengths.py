@@ -1,0 +1,73 @@
+"""Bone lengths that are free, but the same on the left and on the right."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ...body import JOINT_NAMES, Pose, Skeleton, stretched
+from ..terms import PlacedBody, number, place
+from ._base import JointRotations
+from ._exact_bones import ExactBones
+
+LENGTH_NAMES = ("neck", "head", "shoulder", "elbow", "hand", "hip", "knee", "foot")
+"""Joints that bones end in, without the side."""
+_LENGTH_OF_BONE = np.array(
+    [LENGTH_NAMES.index(name.removeprefix("l_").removeprefix("r_")) for name in JOINT_NAMES[1:]], np.int32
+)
+
+
+class StretchedPose(eqx.Module):
+    """A pose of a template with other lengths."""
+
+    pose: Pose
+    stretch: Float[Array, " lengths=8"]
+    """Logarithm of each length over the template's, in the order of `LENGTH_NAMES`."""
+
+
+class SymmetricLengths(eqx.Module):
+    """Joint rotations, and eight lengths that left and right share: for a template that is only nearly the subject's.
+
+    The unknowns are those of `rotations` (m, rad), then the logarithms of the lengths over what they were.
+    """
+
+    rotations: JointRotations = ExactBones()
+    weight: Float[Array, ""] = eqx.field(converter=number, default=40.0)
+    """Of the squared logarithm: by default a length that is 5 % off costs a tenth."""
+
+    def begin(self, pose: Pose, skeleton: Skeleton) -> StretchedPose:
+        """The pose with the template's own lengths."""
+        return StretchedPose(self.rotations.begin(pose, skeleton), jnp.zeros(len(LENGTH_NAMES)))
+
+    def unknowns(self) -> Float[Array, " unknowns"]:
+        """The unknowns of any base: zeros."""
+        return jnp.concatenate([self.rotations.unknowns(), jnp.zeros(len(LENGTH_NAMES))])
+
+    def moved(self, unknowns: Float[Array, " unknowns"], base: StretchedPose, skeleton: Skeleton) -> StretchedPose:
+        """The pose turned, the lengths stretched."""
+        turns, stretch = unknowns[: -len(LENGTH_NAMES)], unknowns[-len(LENGTH_NAMES) :]
+        pose = self.rotations.moved(turns, base.pose, self._template(base, skeleton))
+        return StretchedPose(pose, base.stretch + stretch)
+
+    def placed(self, base: StretchedPose, skeleton: Skeleton) -> PlacedBody:
+        """The skeleton in the world."""
+        return place(self._template(base, skeleton), base.pose)
+
+    def reached(self, unknowns: Float[Array, " unknowns"], base: StretchedPose, skeleton: Skeleton) -> PlacedBody:
+        """The skeleton in the world that the unknowns lead to."""
+        return self.placed(self.moved(unknowns, base, skeleton), skeleton)
+
+    def held(self, base: StretchedPose, skeleton: Skeleton) -> dict[str, Float[Array, " lengths=8"]]:
+        """Weighted logarithms of the lengths over the template's."""
+        return {"bone_lengths": jnp.sqrt(self.weight) * base.stretch}
+
+    def settled(self, base: StretchedPose, skeleton: Skeleton) -> StretchedPose:
+        """The same base."""
+        return base
+
+    def pose(self, base: StretchedPose, skeleton: Skeleton) -> Pose:
+        """Pelvis and rotations: bones of the template's lengths in the same directions."""
+        return base.pose
+
+    def _template(self, base: StretchedPose, skeleton: Skeleton) -> Skeleton:
+        return stretched(skeleton, jnp.exp(base.stretch)[_LENGTH_OF_BONE])

@@ -1,0 +1,33 @@
+"""Terms of the refinement objective (Sect. 3.3): one residual a file, a few lines for one frame each.
+
+A term is an `AbstractTerm`: a Module with a weight and a `residual`. What it needs to look up (closest points, say)
+it looks up in `correspond`, once before each inner solve, so that the solver sees a smooth function.
+"""
+
+from ._arm_collision import ArmCollision as ArmCollision
+from ._base import AbstractCoupling as AbstractCoupling
+from ._base import AbstractTerm as AbstractTerm
+from ._base import Objective as Objective
+from ._base import Observed as Observed
+from ._base import PlacedBody as PlacedBody
+from ._base import number as number
+from ._base import place as place
+from ._contour_contact import ContourContact as ContourContact
+from ._end_nodes import EndNodeAttraction as EndNodeAttraction
+from ._function_term import FunctionTerm as FunctionTerm
+from ._function_term import from_function as from_function
+from ._graph_attraction import GraphAttraction as GraphAttraction
+from ._hinges import HingeLimits as HingeLimits
+from ._inner_nodes import InnerNodeAttraction as InnerNodeAttraction
+from ._inside_hull import InsideHull as InsideHull
+from ._inside_silhouettes import InsideSilhouettes as InsideSilhouettes
+from ._objectives import paper_objective as paper_objective
+from ._objectives import volume_objective as volume_objective
+from ._pose_prior import PosePrior as PosePrior
+from ._pose_prior import pose_prior as pose_prior
+from ._quadrics import CapsuleTerm as CapsuleTerm
+from ._rest_prior import RestPrior as RestPrior
+from ._rest_prior import firmness as firmness
+from ._smoothness import Smoothness as Smoothness
+from ._surface_coverage import SurfaceCoverage as SurfaceCoverage
+from ._symmetry import Symmetry as Symmetry

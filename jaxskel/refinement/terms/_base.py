@@ -1,0 +1,187 @@
+"""What every term sees and gives: the placed body, the observed frame, the weighted objective."""
+
+from collections.abc import Iterable
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int, PyTree
+
+from ...body import Pose, Skeleton, place_segments
+from ...hull import DistanceField
+from ...outlines import Contours, SilhouetteDistances
+
+
+class PlacedBody(eqx.Module):
+    """Skeleton of one frame in the world."""
+
+    joints: Float[Array, "joints=15 3"]
+    """(m)"""
+    tips: Float[Array, "tips=5 3"]
+    """(m)"""
+    rotations: Float[Array, "segments=17 3 3"]
+    """From the body frame at rest to the world."""
+    origins: Float[Array, "segments=17 3"]
+    """The point that each segment turns about (m)."""
+
+
+class Observed(eqx.Module):
+    """What was measured in one frame, or in each of a batch: the labelled skeletal graph, on demand the hull."""
+
+    paths: Float[Array | np.ndarray, "*frames labels=5 points 3"]
+    """From the root to head, left and right hand, left and right foot, evenly spaced along the graph (m)."""
+    found: Bool[Array | np.ndarray, "*frames labels=5"]
+    """Whether an end node was found for this label."""
+    neck: Float[Array | np.ndarray, "*frames 3"]
+    pelvis: Float[Array | np.ndarray, "*frames 3"]
+    field: DistanceField | None = None
+    """Signed distance to the hull's surface, for the terms that look at the volume."""
+    surface: Float[Array | np.ndarray, "*frames samples 3"] | None = None
+    """Points on the hull's surface (m), for the same terms."""
+    contours: Contours | None = None
+    """Viewing rays through the outlines of the silhouettes."""
+    silhouettes: SilhouetteDistances | None = None
+    """Signed distance to each silhouette."""
+
+    def seen_only(self) -> "Observed":
+        """Without the fields of hulls, which are large."""
+        graph = self.paths, self.found, self.neck, self.pelvis
+        return Observed(*graph, None, None, self.contours, self.silhouettes)
+
+    def of(self, frame: Int[Array, ""]) -> "Observed":
+        """One frame of a stack on the device, without its silhouettes being copied."""
+        rest = eqx.tree_at(lambda o: o.silhouettes, self, None, is_leaf=lambda leaf: leaf is None)
+        one = jax.tree.map(lambda a: a[frame], rest)
+        found = None if self.silhouettes is None else self.silhouettes.of(frame)
+        return eqx.tree_at(lambda o: o.silhouettes, one, found, is_leaf=lambda leaf: leaf is None)
+
+    def thinned(self, factor: int) -> "Observed":
+        """With one outline's ray of so many."""
+        assert self.contours is not None
+        return eqx.tree_at(lambda o: o.contours, self, self.contours.thinned(factor))
+
+
+def place(skeleton: Skeleton, pose: Pose) -> PlacedBody:
+    """Place the skeleton of one frame in the world."""
+    joints, tips, origins = place_segments(skeleton, pose)
+    return PlacedBody(joints, tips, jnp.asarray(pose.rotations), origins)
+
+
+def number(value: Any) -> Float[Array, "..."]:
+    """Numbers of a term as an array of floats: a whole number instead would compile again."""
+    array = jnp.asarray(value)
+    return array if jnp.issubdtype(array.dtype, jnp.inexact) else array.astype(jnp.result_type(float))
+
+
+class AbstractTerm(eqx.Module):
+    """One residual of the objective. The weight multiplies its squared norm; to switch a term off, leave it out."""
+
+    needs_hull: ClassVar[bool] = False
+    """Whether ``observed.field`` and ``observed.surface`` are looked at, which take time to make."""
+    needs_graph: ClassVar[bool] = True
+    """Whether ``paths``, ``found``, ``neck`` and ``pelvis`` of ``observed`` are; if not, tracking leaves them out."""
+
+    needs_outlines: ClassVar[bool] = False
+    """Whether ``contours`` and ``silhouettes`` of ``observed`` are looked at, which only a search makes."""
+
+    weight: eqx.AbstractVar[Float[Array, ""]]
+
+    def correspond(self, body: PlacedBody, observed: Observed) -> PyTree:
+        """Look up what stays fixed during an inner solve; nothing by default."""
+        return None
+
+    def residual(self, body: PlacedBody, observed: Observed, fixed: Any) -> Float[Array, "..."]:
+        """Unweighted residual of one frame; `fixed` is what `correspond` gave."""
+        raise NotImplementedError
+
+    def cost(self, body: PlacedBody, observed: Observed) -> Float[Array, ""]:
+        """What a pose costs by this term, unweighted: the squared norm of the residual, unless it has a robust form."""
+        return (self.residual(body, observed, self.correspond(body, observed)) ** 2).sum()
+
+
+class AbstractCoupling(eqx.Module):
+    """A residual that couples a frame with the ones before and after, for `refine_sequence`."""
+
+    weight: eqx.AbstractVar[Float[Array, ""]]
+
+    def residual(self, before: PlacedBody, body: PlacedBody, after: PlacedBody) -> Float[Array, "..."]:
+        """Unweighted residual of one frame that is neither the first nor the last."""
+        raise NotImplementedError
+
+
+class Objective(eqx.Module):
+    """A named collection of weighted terms. New weights or data of the same shapes do not compile again."""
+
+    terms: dict[str, AbstractTerm | AbstractCoupling]
+
+    def plus(self, **terms: AbstractTerm | AbstractCoupling) -> "Objective":
+        """With more terms, or others under the same names."""
+        return Objective(self.terms | terms)
+
+    def without(self, *names: str) -> "Objective":
+        """Without some terms."""
+        self._check(names)
+        return Objective({name: term for name, term in self.terms.items() if name not in names})
+
+    def weighted(self, **weights: Any) -> "Objective":
+        """With other weights of some terms."""
+        self._check(weights)
+        found = {name: number(weight) for name, weight in weights.items()}
+        changed = {name: eqx.tree_at(lambda t: t.weight, self.terms[name], found[name]) for name in found}
+        return Objective(self.terms | changed)
+
+    def _check(self, names: Iterable[str]) -> None:
+        for name in names:
+            if name not in self.terms:
+                raise ValueError(f"the objective has no term {name!r}; it has {', '.join(self.terms)}")
+
+    @property
+    def of_frames(self) -> dict[str, AbstractTerm]:
+        """The terms of single frames."""
+        return {name: term for name, term in self.terms.items() if isinstance(term, AbstractTerm)}
+
+    @property
+    def couplings(self) -> dict[str, AbstractCoupling]:
+        """The terms that couple frames."""
+        return {name: term for name, term in self.terms.items() if isinstance(term, AbstractCoupling)}
+
+    @property
+    def needs_hull(self) -> bool:
+        """Whether any of the terms looks at ``observed.field`` or ``observed.surface``."""
+        return any(term.needs_hull for term in self.of_frames.values())
+
+    @property
+    def needs_graph(self) -> bool:
+        """Whether any of the terms looks at the labelled graph."""
+        return any(term.needs_graph for term in self.of_frames.values())
+
+    @property
+    def needs_outlines(self) -> bool:
+        """Whether any of the terms looks at the outlines of the silhouettes."""
+        return any(term.needs_outlines for term in self.of_frames.values())
+
+    def correspond(self, body: PlacedBody, observed: Observed) -> dict[str, PyTree]:
+        """Look up the correspondences of all terms."""
+        return {name: term.correspond(body, observed) for name, term in self.of_frames.items()}
+
+    def residuals(
+        self, body: PlacedBody, observed: Observed, fixed: dict[str, PyTree]
+    ) -> dict[str, Float[Array, "..."]]:
+        """Weighted residuals of one frame, by name."""
+        return {
+            name: jnp.sqrt(term.weight) * term.residual(body, observed, fixed[name])
+            for name, term in self.of_frames.items()
+        }
+
+    def costs(self, body: PlacedBody, observed: Observed) -> dict[str, Float[Array, ""]]:
+        """Weighted cost of one frame by each term, by name."""
+        return {name: term.weight * term.cost(body, observed) for name, term in self.of_frames.items()}
+
+    def coupled(self, before: PlacedBody, bodies: PlacedBody, after: PlacedBody) -> dict[str, Float[Array, "..."]]:
+        """Weighted residuals between frames, by name; all of them have a leading frames axis."""
+        return {
+            name: jnp.sqrt(term.weight) * jax.vmap(term.residual)(before, bodies, after)
+            for name, term in self.couplings.items()
+        }

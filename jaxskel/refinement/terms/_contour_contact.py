@@ -1,0 +1,55 @@
+"""The outlines of the silhouettes are outlines of the body."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ...body import Body, Grazed, nearest_to_rays
+from ._base import Observed, PlacedBody, number
+from ._quadrics import CapsuleTerm, Quadrics, make_quadrics
+
+
+class ContourContact(CapsuleTerm):
+    """Distance of each viewing ray through an outline of a silhouette to its nearest capsule of the body.
+
+    Where views are few the surface of the hull is mostly not the body's, but every outline is: what no view tells
+    apart costs nothing here.
+    """
+
+    needs_outlines = True
+
+    body: Body
+    weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
+    scale: Float[Array, ""] = eqx.field(converter=number, default=0.05)
+    """Distance (m) beyond which a ray counts for little (Geman-McClure)."""
+    inner: Float[Array, ""] = eqx.field(converter=number, default=0.3)
+    """Weight of rays that go through the body."""
+    limit: Float[Array, ""] = eqx.field(converter=number, default=0.06)
+    """Distance (m) beyond which the cost of a ray does not grow."""
+
+    def quadrics(self, body: PlacedBody, observed: Observed) -> Quadrics:
+        """Nearest capsule, tangent plane and weight of each ray, summed up by capsule."""
+        ends, near = self._nearest(body, observed)
+        weight = self._weight(near)
+        return make_quadrics(ends, near.capsule, near.part, near.normal, near.distance, weight)
+
+    def nearest(self, body: PlacedBody, observed: Observed) -> tuple[Grazed, Float[Array, " rays"]]:
+        """The capsule that each ray comes nearest to, and the weight of its squared distance."""
+        _, near = self._nearest(body, observed)
+        return near, self._weight(near)
+
+    def cost(self, body: PlacedBody, observed: Observed) -> Float[Array, ""]:
+        """Squared distances (m^2) up to the limit, as a mean over the rays."""
+        distance = self._nearest(body, observed)[1].distance
+        return (jnp.where(distance < 0, self.inner, 1.0) * jnp.minimum(distance**2, self.limit**2)).mean()
+
+    def _weight(self, near: Grazed) -> Float[Array, " rays"]:
+        weight = 1 / (1 + (near.distance / self.scale) ** 2) ** 2 * jnp.where(near.distance < 0, self.inner, 1.0)
+        return weight / len(weight)
+
+    def _nearest(self, body: PlacedBody, observed: Observed) -> tuple[Float[Array, "capsules 2 3"], Grazed]:
+        assert observed.contours is not None, "ContourContact needs observed.contours: see contours"
+        ends = self.ends(body)
+        radii = jnp.asarray(self.body.radii)[self.body.links]
+        centres, directions = jnp.asarray(observed.contours.centres), jnp.asarray(observed.contours.directions)
+        return ends, nearest_to_rays(centres, directions, ends, radii)

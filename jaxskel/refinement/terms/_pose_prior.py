@@ -1,0 +1,49 @@
+"""Poses like those seen before: each segment turns against its parent about as it usually does."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ...body import SEGMENT_PARENTS, Pose
+from ._base import AbstractTerm, Observed, PlacedBody, number
+
+_PARENTS = np.array(SEGMENT_PARENTS, np.int32)[1:]
+# Of a segment that never turned in the poses given (rad): held firmly, but not without end.
+_LEAST_SPREAD = 0.05
+
+
+class PosePrior(AbstractTerm):
+    """Relative rotation of each segment minus its usual one, by how much it usually varies. See [`pose_prior`][]."""
+
+    needs_graph = False
+
+    usual: Float[Array, "segments=16 3 3"]
+    """Rotation of each segment but the pelvis relative to the one it hangs on."""
+    spread: Float[Array, " segments=16"]
+    """How far it usually is from there (rad, root mean square)."""
+    weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
+
+    def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "segments=16 3 3"]:
+        """Half the difference of the rotation matrices over the spread: its norm is near angle / (sqrt(2) spread)."""
+        relative = jnp.einsum("ski,skj->sij", body.rotations[_PARENTS], body.rotations[1:])
+        return (relative - self.usual) / (2 * self.spread[:, None, None])
+
+
+def pose_prior(poses: Pose, weight: float = 1.0) -> PosePrior:
+    """The prior that some poses of people make, such as a few good frames of the same recording.
+
+    Args:
+        poses: With a leading axis ``frames``.
+        weight: Of the term.
+    """
+    from scipy.spatial.transform import Rotation  # takes a third of a second to import, and is needed here only
+
+    rotations = np.asarray(poses.rotations, np.float64)
+    relative = rotations[:, _PARENTS].swapaxes(-1, -2) @ rotations[:, 1:]
+    seen = [Rotation.from_matrix(relative[:, segment]) for segment in range(relative.shape[1])]
+    means = [each.mean() for each in seen]
+    angles = np.array([(mean.inv() * each).magnitude() for mean, each in zip(means, seen, strict=True)])
+    spread = np.maximum(np.sqrt((angles**2).mean(1)), _LEAST_SPREAD)
+    usual = np.stack([mean.as_matrix() for mean in means])
+    return PosePrior(jnp.asarray(usual, jnp.float32), jnp.asarray(spread, jnp.float32), jnp.asarray(weight))

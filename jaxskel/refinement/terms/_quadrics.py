@@ -1,0 +1,170 @@
+"""Squared distances between capsules and whatever they should touch, summed up to one quadric for each capsule."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ...body import Body, capsule_ends
+from ._base import AbstractTerm, Observed, PlacedBody
+
+PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+"""Components of which a symmetric matrix is made."""
+_SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]], np.int32)
+
+
+class Quadrics(eqx.Module):
+    """Weighted squared distances, linearised in the ends of the capsules: all that a step of Gauss-Newton can know.
+
+    However many points there are, moving the ends of a capsule by d changes what its points cost by
+    d . matrix d - 2 vector . d.
+    """
+
+    ends: Float[Array, "capsules 6"]
+    """Where the capsules' two ends were (m)."""
+    matrix: Float[Array, "capsules 6 6"]
+    vector: Float[Array, "capsules 6"]
+    squared: Float[Array, ""]
+    """Weighted sum of the squared distances before (m^2)."""
+
+    def rows(self) -> "QuadricRows":
+        """As rows of a least squares problem."""
+        # A capsule's twist, and what no point lies on, are seen by nothing.
+        lower, goal = _factored(self.matrix + 1e-6 * jnp.eye(6)[None], self.vector)
+        left = jnp.maximum(self.squared - (goal**2).sum(), 0.0)
+        return QuadricRows(self.ends, lower.swapaxes(1, 2), goal, jnp.sqrt(left + 1e-12))
+
+
+class QuadricRows(eqx.Module):
+    """The same as six rows for each capsule."""
+
+    ends: Float[Array, "capsules 6"]
+    """Where the capsules' two ends were (m)."""
+    rows: Float[Array, "capsules 6 6"]
+    goal: Float[Array, "capsules 6"]
+    left: Float[Array, ""]
+    """Root of what no displacement of the ends can take away (m)."""
+
+    def residual(self, ends: Float[Array, "capsules 2 3"]) -> Float[Array, " rows"]:
+        """Residual (m) at other ends; its squared norm is the weighted sum of the squared distances."""
+        rows = jnp.einsum("cij,cj->ci", self.rows, ends.reshape(-1, 6) - self.ends) - self.goal
+        return jnp.append(rows.ravel(), self.left)
+
+
+class CapsuleTerm(AbstractTerm):
+    """A term that draws the capsules of a body to what they should touch, or pushes them out of where they may not be.
+
+    It says so by `quadrics`; residuals follow from them, and so does a step of Gauss-Newton, with less work.
+    """
+
+    needs_graph = False
+
+    body: eqx.AbstractVar[Body]
+
+    def quadrics(self, body: PlacedBody, observed: Observed) -> Quadrics:
+        """Distances at a pose, linearised and summed up by capsule."""
+        raise NotImplementedError
+
+    def ends(self, body: PlacedBody) -> Float[Array, "capsules 2 3"]:
+        """Both ends of each capsule (m)."""
+        return jnp.asarray(capsule_ends(self.body, body.origins, body.rotations))
+
+    def correspond(self, body: PlacedBody, observed: Observed) -> QuadricRows:
+        """What stays fixed during an inner solve: nearest points, normals and weights, in the form of rows."""
+        return self.quadrics(body, observed).rows()
+
+    def residual(self, body: PlacedBody, observed: Observed, fixed: QuadricRows) -> Float[Array, " rows"]:
+        """Weighted linearised distances (m); their squared norm is a mean over the points."""
+        return fixed.residual(self.ends(body))
+
+
+def make_quadrics(
+    ends: Float[Array, "capsules 2 3"],
+    which: Int[Array, " points"],
+    part: Float[Array, " points"],
+    normal: Float[Array, "points 3"],
+    distance: Float[Array, " points"],
+    weight: Float[Array, " points"],
+) -> Quadrics:
+    """Sum up by capsule.
+
+    Args:
+        ends: Of the capsules (m).
+        which: The capsule of each point.
+        part: Where along its axis (0..1).
+        normal: Unit vector from there to the point: moving the ends by (a, b) shortens the distance by
+            (1 - part) normal . a + part normal . b.
+        distance: Signed distance from the capsule's surface (m).
+        weight: Of the squared distance.
+    """
+    shares = jnp.stack([1 - part, part], -1)
+    normals = (shares[:, :, None] * normal[:, None]).reshape(-1, 6)
+    weighted = weight[:, None] * normals
+
+    # Rows added one by one: a product with a matrix of ones and zeros takes twice as long.
+    def added(rows: Float[Array, "points ..."]) -> Float[Array, "capsules ..."]:
+        return jnp.zeros((len(ends), *rows.shape[1:]), rows.dtype).at[which].add(rows, mode="promise_in_bounds")
+
+    matrix = added(weighted[:, :, None] * normals[:, None])
+    vector, squared = added(distance[:, None] * weighted), (weight * distance**2).sum()
+    return Quadrics(ends.reshape(-1, 6), matrix, vector, squared)
+
+
+def quadrics_of_samples(
+    ends: Float[Array, "capsules 2 3"],
+    part: Float[Array, " places"],
+    pairs: Float[Array, "6 samples"],
+    vector: Float[Array, "3 samples"],
+    squared: Float[Array, ""],
+) -> Quadrics:
+    """Sum up samples at the same places along each capsule, of which each has a quadric of its own.
+
+    Args:
+        ends: Of the capsules (m).
+        part: Where along each axis (0..1); samples go capsule by capsule, place by place.
+        pairs: Weighted products of the normal's components with each other, in the order of `PAIRS`.
+        vector: Weighted products of the distance (m) with the normal, which points from the capsule to the goal.
+        squared: Weighted sum of the squared distances (m^2).
+    """
+    along = jnp.tile(part, len(ends))
+    rows = jnp.concatenate([_spread(pairs, _squares(along)), _spread(vector, _linear(along))])
+    return _from_sums(ends, rows.reshape(len(rows), len(ends), len(part)).sum(2).T, squared)
+
+
+def _factored(
+    matrix: Float[Array, "capsules 6 6"], vector: Float[Array, "capsules 6"]
+) -> tuple[Float[Array, "capsules 6 6"], Float[Array, "capsules 6"]]:
+    """Cholesky factors L of the matrices, and L^-1 times the vectors.
+
+    Column by column for all capsules at once: LAPACK, called for each by itself, takes as long as half the search for
+    the nearest capsules.
+    """
+    rest, columns = jnp.concatenate([matrix, vector[:, None]], 1), []
+    for size in range(6, 0, -1):
+        column = rest[:, :, 0] / jnp.sqrt(rest[:, :1, 0])
+        columns.append(jnp.pad(column, ((0, 0), (6 - size, 0))))
+        rest = rest[:, 1:, 1:] - column[:, 1:, None] * column[:, None, 1:size]
+    factors = jnp.stack(columns, -1)
+    return factors[:, :6], factors[:, 6]
+
+
+def _squares(part: Float[Array, " n"]) -> Float[Array, "3 n"]:
+    return jnp.stack([(1 - part) ** 2, part * (1 - part), part**2])
+
+
+def _linear(part: Float[Array, " n"]) -> Float[Array, "2 n"]:
+    return jnp.stack([1 - part, part])
+
+
+def _spread(numbers: Float[Array, "k n"], shares: Float[Array, "s n"]) -> Float[Array, "s*k n"]:
+    """Each number to the capsule's ends by their shares."""
+    return (shares[:, None] * numbers[None]).reshape(-1, numbers.shape[1])
+
+
+def _from_sums(
+    ends: Float[Array, "capsules 2 3"], sums: Float[Array, "capsules 24"], squared: Float[Array, ""]
+) -> Quadrics:
+    blocks = sums[:, :18].reshape(-1, 3, 6)[:, :, _SYMMETRIC]  # capsules x shares x 3 x 3
+    first, mixed, last = blocks[:, 0], blocks[:, 1], blocks[:, 2]
+    matrix = jnp.concatenate([jnp.concatenate([first, mixed], 2), jnp.concatenate([mixed, last], 2)], 1)
+    return Quadrics(ends.reshape(-1, 6), matrix, sums[:, 18:], squared)

@@ -1,0 +1,25 @@
+"""Pose hypotheses, and the choice between them. Not in the paper, whose start pose is `initial_poses` (Sect. 3.3).
+
+In: `Limbs` and what was observed. Out: `Hypotheses` with their costs, the best one first, in each frame by itself or
+tracked from frame to frame.
+"""
+
+from ._confidence import searched_confidence as searched_confidence
+from ._fit import fit_poses as fit_poses
+from ._fit import fit_scales as fit_scales
+from ._hypotheses import Hypotheses as Hypotheses
+from ._initial_poses import initial_poses as initial_poses
+from ._search import Model as Model
+from ._search import Search as Search
+from ._search import dear as dear
+from ._search import make_model as make_model
+from ._search import solve_frames as solve_frames
+from ._start_poses import graphless_poses as graphless_poses
+from ._start_poses import start_poses as start_poses
+from ._track import Proposed as Proposed
+from ._track import Track as Track
+from ._track import Tracking as Tracking
+from ._track import track_frames as track_frames
+from ._unexplained import NOT_THE_SUBJECT as NOT_THE_SUBJECT
+from ._unexplained import trust_in_explained as trust_in_explained
+from ._unexplained import unexplained_shares as unexplained_shares

@@ -1,0 +1,80 @@
+"""Fits of many hypotheses: all take the same steps, and any number of them has the same shapes."""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from .._runtime.batching import on_device, taken
+from .._runtime.compile_cache import kept
+from ..body import Body, Pose
+from ..refinement.parametrisations import HingedLimbs
+from ..refinement.terms import Observed, place, volume_objective
+from ._gauss_newton import descend
+from ._hypotheses import Hypotheses, Pool, pool_of
+
+_HINGED = HingedLimbs()
+_MOST_STEPS = 16  # of one fit
+# Hypotheses that are worked on at once: enough that the many small steps of XLA cost little.
+_AT_ONCE = 8
+# Steps look at one of so many rays; what a pose costs is told by all.
+_FEW = 9
+
+# Arrays of NumPy: a constant of a module must not start JAX, which would take all cores before a process has one.
+Scales = tuple[Float[Array | np.ndarray, " steps"], Int[Array | np.ndarray, ""]]
+
+
+def fit_scales(*rounds: tuple[float, int]) -> Scales:
+    """Robust scales (m) and numbers of steps for them, as `fit_pool` takes them; others do not compile again."""
+    values = np.concatenate([np.full(steps, scale, np.float32) for scale, steps in rounds])
+    return np.resize(values, _MOST_STEPS), np.array(len(values), np.int32)
+
+
+def fit_poses(body: Body, poses: Pose, observed: Observed, scales: Scales) -> Hypotheses:
+    """Let hypotheses (axes ``frames hypotheses``) descend by `volume_objective` and order them by their cost."""
+    frames = np.arange(len(poses.root))
+    found = fit_pool(body, pool_of(poses, frames), on_device(observed.seen_only()), scales)
+    return found.rows(frames, poses.root.shape[1])
+
+
+def fit_pool(body: Body, pool: Pool, stack: Observed, scales: Scales) -> Pool:
+    """Let hypotheses descend by `volume_objective`; what they cost then."""
+    if len(pool) == 0:
+        return pool
+    poses, cost = in_chunks(lambda poses, frames: _fitted(body, poses, frames, stack, scales), pool)
+    return Pool(pool.frame, poses, cost)
+
+
+def in_chunks(work: Callable[[Pose, Int[Array, " chunk"]], Any], pool: Pool, at_once: int = _AT_ONCE) -> Any:
+    """Work on the poses of a pool and their frames, a fixed number at a time; the last chunk is filled up."""
+    done = []
+    for start in range(0, len(pool), at_once):
+        chosen = np.minimum(np.arange(start, start + at_once), len(pool) - 1)
+        given = taken(pool.poses, chosen), pool.frame[chosen].astype(np.int32)
+        done.append(jax.tree.map(np.asarray, work(*jax.device_put(given))))
+    return jax.tree.map(lambda *parts: np.concatenate(parts)[: len(pool)], *done)
+
+
+def fit_hypothesis(body: Body, pose: Pose, observed: Observed, scales: Scales) -> tuple[Pose, Float[Array, ""]]:
+    """Let one hypothesis of one frame descend; also what it costs then, infinite where that is no number."""
+    # Made here, so that the compiler sees that all terms have the same body, and places it once.
+    objective, few = volume_objective(body), observed.thinned(_FEW)
+
+    def step(number: Array, pose: Pose) -> Pose:
+        scaled = eqx.tree_at(lambda o: o.terms["contours"].scale, objective, scales[0][number])
+        return descend(scaled, _HINGED, body.skeleton, pose, few)
+
+    pose = jax.lax.fori_loop(0, scales[1], step, pose)
+    cost = sum(objective.costs(place(body.skeleton, pose), observed).values(), jnp.zeros(()))
+    return pose, jnp.where(jnp.isfinite(cost), cost, jnp.inf)
+
+
+@kept
+def _fitted(
+    body: Body, poses: Pose, frames: Int[Array, " n"], stack: Observed, scales: Scales
+) -> tuple[Pose, Float[Array, " n"]]:
+    return jax.vmap(lambda pose, frame: fit_hypothesis(body, pose, stack.of(frame), scales))(poses, frames)

@@ -1,0 +1,227 @@
+"""Search for arms and legs in a hull: every pose of a table is scored, the best that differ are given back.
+
+Where an arm lies on the trunk, no path along the graph leads to its hand, and a fit from a wrong start stays wrong.
+But the hull says where arms can be (inside of it, outside of the trunk) and where they must be (at outlines that the
+rest of the body leaves unexplained), and a few thousand poses are soon tried.
+
+All functions are for one frame, to be vmapped. Costs are in the units of `volume_objective`.
+"""
+
+from typing import TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from ..body import (
+    BALL_NAMES,
+    LINKS,
+    SEGMENT_NAMES,
+    Body,
+    Pose,
+    capsule_ends,
+    limb_capsules,
+    nearest_capsule,
+    nearest_to_rays,
+)
+from ..outlines import Contours
+from ..refinement.terms import AbstractTerm, ArmCollision, ContourContact, InsideSilhouettes, Objective, Observed, place
+from ._limb_tables import LimbTable
+
+_Term = TypeVar("_Term", bound=AbstractTerm)
+
+# How many poses of the table go on: those with the upper bone inside the hull, of these those that are inside of it
+# and outside of the trunk, of these the best.
+_INSIDE, _OUTSIDE, _BEST = 1600, 400, 64
+# Unexplained rays that the poses are scored on.
+_RAYS = 256
+# A ray this near to the rest of the body is explained (m).
+_EXPLAINED = 0.012
+# Two poses of a limb are the same if middle joint and end are closer than this (m).
+_APART = 0.12
+# One sampled point of a limb stands for this many of the points that InsideHull samples.
+_SAMPLES = 3.0
+
+
+class Limb(eqx.Module):
+    """Which limb, and the poses to try. Names are static; the table is data."""
+
+    name: str = eqx.field(static=True)
+    table: LimbTable
+
+    @property
+    def kind(self) -> str:
+        """``arm`` or ``leg``."""
+        return self.name[2:]
+
+
+class Scored(eqx.Module):
+    """The best poses of one limb."""
+
+    index: Int[Array, " best"]
+    """Into the table."""
+    cost: Float[Array, " best"]
+    """Of lying outside of the hull or inside of the trunk."""
+    left: Float[Array, "best rays"]
+    """What each ray still costs."""
+    joints: Float[Array, "best 2 3"]
+    """Middle joint and end (m), from shoulder or hip."""
+
+
+_SEGMENTS = {
+    "arm": ("chest", "upper_arm", "forearm", "hand"),
+    "leg": ("pelvis", "thigh", "shank", "foot"),
+}
+_BALLS = {
+    "arm": ("shoulder", "elbow", "forearm", "wrist", "palm"),
+    "leg": ("hip", "knee", "calf", "ankle", "ball"),
+}
+
+
+def unexplained(
+    body: Body, pose: Pose, objective: Objective, observed: Observed, limbs: tuple[str, ...]
+) -> tuple[Contours, Float[Array, " rays"]]:
+    """Outlines that the body without some limbs leaves unexplained, and what each ray costs.
+
+    A fixed number of them; rays that are explained fill up and cost nothing.
+    """
+    contact = _term(objective, ContourContact)
+    assert observed.contours is not None
+    centres, directions = jnp.asarray(observed.contours.centres), jnp.asarray(observed.contours.directions)
+    placed = place(body.skeleton, pose)
+    ends, radii = _capsules(body, capsule_ends(body, placed.origins, placed.rotations), ~limb_capsules(*limbs))
+    distance, chosen = jax.lax.top_k(nearest_to_rays(centres, directions, ends, radii).distance, _RAYS)
+    each = contact.weight / len(centres) * jnp.minimum(distance, contact.limit) ** 2
+    return Contours(centres[chosen], directions[chosen]), jnp.where(distance > _EXPLAINED, each, 0.0)
+
+
+def score_limb(
+    body: Body,
+    pose: Pose,
+    objective: Objective,
+    observed: Observed,
+    limb: Limb,
+    unexplained: Contours,
+    costs: Float[Array, " rays"],
+) -> Scored:
+    """Score the table of one limb by hull, trunk and unexplained outlines."""
+    inside, collision = _term(objective, InsideSilhouettes), _term(objective, ArmCollision)
+    contact = _term(objective, ContourContact)
+    silhouettes = observed.silhouettes
+    assert observed.contours is not None
+    assert silhouettes is not None
+    placed = place(body.skeleton, pose)
+    parent, upper = (_segment(limb, part) for part in (0, 1))
+    origin, turned = placed.origins[upper], placed.rotations[parent]
+    radii = _radii(body, limb)
+    directions, uppers, lowers = (
+        jnp.asarray(a) for a in (limb.table.direction, limb.table.upper_points, limb.table.lower_points)
+    )
+    uppers = origin[None, None] + uppers @ turned.T
+
+    def outside(points: Float[Array, "poses points 3"], radii: Float[Array, " points"]) -> Float[Array, " poses"]:
+        away = silhouettes.near(points.reshape(-1, 3))
+        costs = inside.costs(away, jnp.tile(radii, len(points)), jnp.asarray(silhouettes.misses))
+        return _SAMPLES * inside.weight / (len(body.links) * 3) * costs.reshape(len(points), -1).sum(1)
+
+    # There are few directions of the upper bone: those that leave the hull are not worth a look at the rest.
+    upper_cost, index = _cheapest(outside(uppers, radii[:2])[directions], _INSIDE)
+    lowers = origin[None, None] + lowers[index] @ turned.T
+    uppers = uppers[directions[index]]
+    cost = upper_cost + outside(lowers, radii[2:])
+    if limb.kind == "arm":
+        ends, capsule_radii = _capsules(
+            body, capsule_ends(body, placed.origins, placed.rotations), ~limb_capsules("l_arm", "r_arm") & ~_GIRDLE
+        )
+        low = jnp.concatenate([uppers[:, 1:], lowers], 1).reshape(-1, 3)
+        _, distance = nearest_capsule(low, ends, capsule_radii)
+        depth = jnp.maximum(collision.share * radii[None, 1:] - distance.reshape(-1, 4), 0.0)
+        cost = cost + collision.weight * jnp.minimum(depth**2, collision.limit**2).sum(1)
+    cost, best = _cheapest(cost, _OUTSIDE)
+    index, chosen = index[best], jnp.concatenate([uppers[best], lowers[best]], 1)
+    tip = chosen[:, 4] + 0.5 * (chosen[:, 4] - chosen[:, 3])
+    starts = jnp.stack([jnp.broadcast_to(origin, tip.shape), chosen[:, 1], chosen[:, 3]], 1)
+    stops = jnp.stack([chosen[:, 1], chosen[:, 3], tip], 1)
+    capsules = jnp.stack([starts, stops], 2)  # poses x 3 x 2 x 3
+    capsule_radii = jnp.stack([radii[0], radii[0], radii[1], radii[3], radii[4], radii[4]]).reshape(3, 2)
+    rays = jnp.asarray(unexplained.centres), jnp.asarray(unexplained.directions)
+    distance = jax.vmap(lambda ends: nearest_to_rays(*rays, ends, capsule_radii).distance)(capsules)
+    scale = contact.weight / len(jnp.asarray(observed.contours.centres))
+    left = jnp.minimum(costs[None], scale * jnp.maximum(distance, 0.0) ** 2)
+    _, best = _cheapest(cost + left.sum(1), _BEST)
+    joints = chosen[best][:, np.array([1, 4], np.int32)] - origin[None, None]
+    return Scored(index[best], cost[best], left[best], joints)
+
+
+def best_pairs(left: Scored, right: Scored, count: int) -> tuple[Int[Array, " count"], Int[Array, " count"]]:
+    """The cheapest pairs of poses of two limbs, each apart from those before it: indices into both tables."""
+    total = jax.vmap(
+        lambda cost, points: cost + right.cost + jnp.minimum(points[None], right.left).sum(1)
+    )(left.cost, left.left)  # fmt: skip
+    near_left, near_right = _near(left), _near(right)
+
+    def pick(total: Array, _: None) -> tuple[Array, tuple[Array, Array]]:
+        first, second = jnp.unravel_index(jnp.argmin(total), total.shape)
+        same = near_left[first][:, None] & near_right[second][None]
+        return jnp.where(same, jnp.inf, total), (left.index[first], right.index[second])
+
+    return jax.lax.scan(pick, total, None, length=count)[1]
+
+
+def best_single(scored: Scored, count: int) -> Int[Array, " count"]:
+    """The cheapest poses of one limb, each apart from those before it: indices into the table."""
+    near = _near(scored)
+
+    def pick(total: Array, _: None) -> tuple[Array, Array]:
+        first = jnp.argmin(total)
+        return jnp.where(near[first], jnp.inf, total), scored.index[first]
+
+    return jax.lax.scan(pick, scored.cost + scored.left.sum(1), None, length=count)[1]
+
+
+def with_limb(pose: Pose, limb: Limb, index: Int[Array, ""]) -> Pose:
+    """The pose with one limb as in a row of the table."""
+    parent, upper, lower, end = (_segment(limb, part) for part in range(4))
+    rotations = jnp.asarray(pose.rotations)
+    turned = rotations[parent]
+    new_lower = turned @ jnp.asarray(limb.table.lower)[index]
+    rotations = rotations.at[upper].set(turned @ jnp.asarray(limb.table.upper)[index])
+    return Pose(pose.root, rotations.at[lower].set(new_lower).at[end].set(new_lower))
+
+
+def _near(scored: Scored) -> Bool[Array, "best best"]:
+    apart = scored.joints[:, None] - scored.joints[None]
+    return (apart**2).sum(-1).max(-1) < _APART**2
+
+
+def _cheapest(cost: Float[Array, " n"], count: int) -> tuple[Float[Array, " count"], Int[Array, " count"]]:
+    value, index = jax.lax.top_k(-cost, min(count, len(cost)))
+    return -value, index
+
+
+def _segment(limb: Limb, part: int) -> int:
+    name = _SEGMENTS[limb.kind][part]
+    return SEGMENT_NAMES.index(name if part == 0 else limb.name[:2] + name)
+
+
+def _radii(body: Body, limb: Limb) -> Float[Array, "points=5"]:
+    """Radii of the five points of a table."""
+    balls = np.array([BALL_NAMES.index(limb.name[:2] + name) for name in _BALLS[limb.kind]], np.int32)
+    radii = jnp.asarray(body.radii)[balls]
+    return radii.at[0].set((radii[0] + radii[1]) / 2)
+
+
+# Capsules of the shoulder girdle, which an upper arm may lie in.
+_GIRDLE = np.array([any(BALL_NAMES[ball].endswith("girdle") for ball in pair) for pair in LINKS])
+
+
+def _capsules(body: Body, ends: Array | np.ndarray, chosen: Bool[np.ndarray, " capsules"]) -> tuple[Array, Array]:
+    """Ends and radii of some of the body's capsules."""
+    index = np.flatnonzero(chosen).astype(np.int32)
+    return jnp.asarray(ends)[index], jnp.asarray(body.radii)[jnp.asarray(body.links)[index]]
+
+
+def _term(objective: Objective, kind: type[_Term]) -> _Term:
+    return next(term for term in objective.terms.values() if isinstance(term, kind))

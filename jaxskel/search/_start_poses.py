@@ -1,0 +1,158 @@
+"""Where the search for a pose starts: trunk and legs from the graph in eight ways; eight more where the graph fails."""
+
+import numpy as np
+from jaxtyping import Float
+
+from .._math.rotations import aligning, frame, turn_about
+from ..body import JOINT_NAMES, PIVOT_NAMES, SEGMENT_NAMES, Pose, Skeleton, hinge_axes
+from ..matching import L_FOOT, R_FOOT, Limbs
+
+STARTS = 8
+# A crouch: trunk to the front, thighs raised, knees bent (rad), the pelvis behind and below the middle of the body
+# (shares of the stature).
+_LEAN, _HIP, _KNEE = 0.3, 1.8, 2.1
+_CROUCHED = np.array([-0.12, 0.0, -0.09])
+_LEFT_OF_FRONT = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # a quarter turn about z
+
+
+def start_poses(limbs: Limbs, facing: Float[np.ndarray, "frames 3"], skeleton: Skeleton) -> Pose:
+    """Eight poses a frame: four directions that the body may face, each with the feet straight and crossed.
+
+    The first is the one that the graph speaks for. Knees bend towards the front; arms are as at rest.
+
+    Args:
+        limbs: Labelled limbs in a world with z up; which hand is which is not used.
+        facing: Horizontal direction that the body seems to face; the frame's x axis where it is zero.
+        skeleton: Template.
+
+    Returns:
+        Poses with axes ``frames starts``. Elbows and knees bend as hinges, see `HingedLimbs`.
+    """
+    known = np.linalg.norm(facing, axis=1, keepdims=True) > 0.5
+    front = np.where(known, facing, [1.0, 0.0, 0.0])
+    spine = limbs.neck - limbs.pelvis
+    spine = np.where(np.linalg.norm(spine, axis=1, keepdims=True) > 0.05, spine, [0.0, 0.0, 1.0])
+    feet = np.stack([limbs.ends[:, L_FOOT], limbs.ends[:, R_FOOT]], 1)
+    missing = ~limbs.found[:, [L_FOOT, R_FOOT]]
+    # A foot that the graph does not have is probably beside the other one; without both, below the pelvis.
+    below = limbs.pelvis - [0.0, 0.0, 0.5 * skeleton.stature]
+    other = np.where(missing[:, ::-1, None], below[:, None], feet[:, ::-1])
+    return _eight_ways(limbs.pelvis, spine, front, np.where(missing[..., None], other, feet), skeleton)
+
+
+def other_ways(joints: Float[np.ndarray, "frames joints=15 3"], skeleton: Skeleton) -> Pose:
+    """Eight poses a frame around one that was found: it may face another way, its feet may be exchanged.
+
+    Args:
+        joints: As they were found (m), in a world with z up.
+        skeleton: Template.
+
+    Returns:
+        Poses like those of [`start_poses`][], the first as it was found but for the arms.
+    """
+    pelvis, neck, left_hip, right_hip, *feet = (
+        joints[:, JOINT_NAMES.index(name)] for name in ("pelvis", "neck", "l_hip", "r_hip", "l_foot", "r_foot")
+    )
+    front = np.cross(left_hip - right_hip, [0.0, 0.0, 1.0])
+    front = np.where(np.linalg.norm(front, axis=1, keepdims=True) > 1e-3, front, [1.0, 0.0, 0.0])
+    return _eight_ways(pelvis, neck - pelvis, _unit(front), np.stack(feet, 1), skeleton)
+
+
+def _eight_ways(
+    pelvis: Float[np.ndarray, "frames 3"],
+    spine: Float[np.ndarray, "frames 3"],
+    front: Float[np.ndarray, "frames 3"],
+    feet: Float[np.ndarray, "frames 2 3"],
+    skeleton: Skeleton,
+) -> Pose:
+    poses: list[np.ndarray] = []
+    for quarter in (0, 2, 1, 3):
+        turned = front @ np.linalg.matrix_power(_LEFT_OF_FRONT, quarter).T
+        left = turned @ _LEFT_OF_FRONT.T
+        straight = ((feet[:, 0] - feet[:, 1]) * left).sum(1) >= 0
+        for crossed in (False, True):
+            order = np.where((straight != crossed)[:, None], [0, 1], [1, 0])
+            poses.append(_pose(pelvis, spine, left, np.take_along_axis(feet, order[..., None], 1), skeleton))
+    rotations = np.stack(poses, 1)
+    return Pose(np.repeat(pelvis[:, None], STARTS, 1), rotations)
+
+
+def graphless_poses(middles: Float[np.ndarray, "frames 3"], skeleton: Skeleton) -> Pose:
+    """Eight poses a frame that need no graph: standing and crouching around the middle of the body, facing four ways.
+
+    Args:
+        middles: Middle of the body (m), see `body_middles`, in a world with z up.
+        skeleton: Template.
+
+    Returns:
+        Poses with axes ``frames starts=8``.
+    """
+    standing = np.repeat(np.eye(3)[None], len(SEGMENT_NAMES), 0)
+    crouching, axes = np.repeat(_about_left(_LEAN)[None], len(SEGMENT_NAMES), 0), np.asarray(hinge_axes(skeleton))
+    for number, side in enumerate(("l_", "r_")):
+        thigh, shank, foot = (SEGMENT_NAMES.index(side + name) for name in ("thigh", "shank", "foot"))
+        crouching[thigh] = _about_left(-_HIP)
+        crouching[shank] = crouching[thigh] @ turn_about(axes[None, 2 + number], np.array([_KNEE]))[0]
+        crouching[foot] = np.eye(3)
+    poses = [(standing, np.zeros(3)), (crouching, skeleton.stature * _CROUCHED)]
+    turns = [np.linalg.matrix_power(_LEFT_OF_FRONT, quarter) for quarter in range(4)]
+    roots = np.stack([turn @ offset for _, offset in poses for turn in turns])
+    rotations = np.stack([turn @ pose for pose, _ in poses for turn in turns])
+    return Pose(middles[:, None] + roots[None], np.repeat(rotations[None], len(middles), 0))
+
+
+def _about_left(angle: float) -> Float[np.ndarray, "3 3"]:
+    """Rotation about the axis to the left (rad): positive leans what is upright to the front."""
+    return turn_about(np.array([[0.0, 1.0, 0.0]]), np.array([angle]))[0]
+
+
+def _pose(
+    pelvis: Float[np.ndarray, "frames 3"],
+    spine: Float[np.ndarray, "frames 3"],
+    left: Float[np.ndarray, "frames 3"],
+    feet: Float[np.ndarray, "frames 2 3"],
+    skeleton: Skeleton,
+) -> Float[np.ndarray, "frames segments=17 3 3"]:
+    points = np.concatenate([skeleton.rest_joints, skeleton.pivots]).astype(np.float64)
+    rest: dict[str, np.ndarray] = dict(zip(JOINT_NAMES + PIVOT_NAMES, points, strict=True))
+    trunk = frame(spine, left) @ aligning(_unit(rest["neck"]), np.array([0.0, 0.0, 1.0]))
+    rotations = np.repeat(trunk[:, None], len(SEGMENT_NAMES), 1)
+    axes = np.asarray(hinge_axes(skeleton), np.float64)
+    for number, side in enumerate(("l_", "r_")):
+        hip = pelvis + trunk @ rest[side + "hip"]
+        ankle = feet[:, number] + [0.0, 0.0, 0.03 * skeleton.stature] - 0.045 * skeleton.stature * trunk[:, :, 0]
+        thigh, shank, foot = (SEGMENT_NAMES.index(side + name) for name in ("thigh", "shank", "foot"))
+        bones = (rest[side + "knee"] - rest[side + "hip"], rest[side + "ankle"] - rest[side + "knee"])
+        rotations[:, thigh], rotations[:, shank] = _reach(ankle - hip, trunk[:, :, 0], bones, axes[2 + number])
+        rotations[:, foot] = rotations[:, shank]
+    return rotations
+
+
+def _reach(
+    goal: Float[np.ndarray, "frames 3"],
+    front: Float[np.ndarray, "frames 3"],
+    bones: tuple[np.ndarray, np.ndarray],
+    axis: Float[np.ndarray, "3"],
+) -> tuple[Float[np.ndarray, "frames 3 3"], Float[np.ndarray, "frames 3 3"]]:
+    """Turn two bones, joined by a hinge that opens to the front, so that they end at the goal or near it."""
+    upper, lower = (float(np.linalg.norm(bone)) for bone in bones)
+    bone = bones[0] / upper
+    at_rest = np.arctan2(bones[1] @ np.cross(axis, bone), bones[1] @ bone)
+    reach = np.linalg.norm(goal, axis=1)
+    way = goal / np.maximum(reach, 1e-9)[:, None]
+    reach = np.clip(reach, abs(upper - lower) + 0.05, upper + lower - 0.005)
+    bend = np.pi - np.arccos(np.clip((upper**2 + lower**2 - reach**2) / (2 * upper * lower), -1, 1))
+    ahead = np.arccos(np.clip((upper**2 + reach**2 - lower**2) / (2 * upper * reach), -1, 1))
+    hinge = np.cross(way, -front)
+    length = np.linalg.norm(hinge, axis=1, keepdims=True)
+    hinge = np.where(length > 1e-3, hinge / np.maximum(length, 1e-9), np.cross(way, np.roll(way, 1, 1)))
+    hinge = _unit(hinge)
+    first = way * np.cos(ahead)[:, None] - np.cross(hinge, way) * np.sin(ahead)[:, None]
+    world = np.stack([first, hinge, np.cross(first, hinge)], -1)
+    rest = np.stack([bone, axis, np.cross(bone, axis)], -1)
+    thigh = world @ rest.T
+    return thigh, thigh @ turn_about(np.broadcast_to(axis, goal.shape), bend - at_rest)
+
+
+def _unit(vector: np.ndarray) -> np.ndarray:
+    return vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-9)

@@ -1,0 +1,25 @@
+"""People made up: bone lengths and flesh as adults have them."""
+
+import numpy as np
+
+from ..body import FLESH_FROM, QUANTITIES, Body, Shape, adults, adults_prior, default_adult, measured_body
+
+
+def draw_adult(seed: int, stature: float = 1.72) -> Body:
+    """Draw an adult at random, as adults differ (see [`adults`][jaxskel.body.adults]), the hands half closed.
+
+    Args:
+        seed: Who it is.
+        stature: Standing height (m).
+
+    Returns:
+        The body; its ``skeleton`` has the dimensions.
+    """
+    template, table, rng = default_adult(), adults(), np.random.default_rng(seed)
+    vector = adults_prior(template).mean.vector
+    drawn = table.axes @ rng.normal(size=table.axes.shape[1]) + table.rest * rng.normal(size=len(table.rest))
+    known = np.array([QUANTITIES.index(name) for name in table.names])
+    vector[known] += np.where(known < FLESH_FROM, 1.0, template.height) * drawn
+    body = measured_body(template, Shape.of(vector))
+    size = stature / body.skeleton.stature
+    return Body(body.skeleton.scaled(size), body.segments, size * body.offsets, size * body.radii, body.links)

@@ -1,0 +1,103 @@
+"""Figures of the stages of one frame, after the paper's Figure 1 and 2: hull, graph, labels, skeleton."""
+
+from pathlib import Path
+
+import equinox as eqx
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from .._runtime.picture_files import write_figure
+from ..body import JOINT_NAMES, JOINT_PARENTS
+from ..graph import SkeletalGraph
+from ..hull import VisualHulls
+from ..matching import Limbs
+from ..pipeline import Prepared, Settings, observe_batch, reconstruct_batch
+from ..recording import Recording, unpack_silhouettes
+from ._overlays import draw_silhouette, tile
+
+_COLOURS = {"l_": "#d9342b", "r_": "#2b6cd9", "": "#2e8b40"}
+_LABELS = ("head", "left hand", "right hand", "left foot", "right foot")
+
+
+class Stages(eqx.Module):
+    """What each stage made of one frame, in the world with z up."""
+
+    hull: VisualHulls
+    graph: SkeletalGraph
+    limbs: Limbs
+    joints: np.ndarray
+
+
+def stages_of(recording: Recording, prepared: Prepared, settings: Settings, frame: int) -> Stages | None:
+    """Run the stages on one frame and keep what each of them made; None where there is no person."""
+    silhouettes = recording.silhouettes[frame : frame + 1]
+    found = observe_batch(silhouettes, prepared, settings, outlines=False)
+    if found.labelled is None:
+        return None
+    assert found.seen.hulls is not None
+    poses, _ = reconstruct_batch(silhouettes, recording, prepared, settings)
+    return Stages(
+        found.seen.hulls, found.labelled.graphs[0], found.labelled.limbs, poses.joints[0] @ prepared.to_z_up.T
+    )
+
+
+def plot_stages(recording: Recording, prepared: Prepared, settings: Settings, frame: int, path: str | Path) -> None:
+    """Draw silhouettes, hull, skeletal graph, labelled end nodes and skeleton of one frame side by side."""
+    stages = stages_of(recording, prepared, settings, frame)
+    if stages is None:
+        return
+    figure = Figure(figsize=(16, 4.6))
+    FigureCanvasAgg(figure)
+    flat = figure.add_axes((0.005, 0.04, 0.19, 0.86))
+    masks = unpack_silhouettes(recording.silhouettes[frame], 8 * recording.silhouettes.shape[3])
+    views = [draw_silhouette(_cropped(mask)) for mask in masks[:8] if mask.any()]
+    flat.imshow(tile(views, [""] * len(views), columns=4, width=200)[..., ::-1])
+    flat.set_axis_off()
+    flat.set_title("silhouettes")
+    points = stages.hull.centres[stages.hull.inside[0]]
+    low, high = points.min(0), points.max(0)
+    for i, title in enumerate(("visual hull", "skeletal graph", "labelled nodes", "skeleton")):
+        axes = figure.add_axes((0.2 + 0.2 * i, 0.0, 0.2, 0.92), projection="3d")
+        axes.set_title(title)
+        axes.set_axis_off()
+        axes.view_init(elev=8, azim=-60)  # pyright: ignore[reportAttributeAccessIssue]
+        shown = points if i == 0 else points[::5]
+        shade = 0.35 + 0.5 * (shown[:, 1] - low[1]) / (high[1] - low[1]) if i == 0 else np.full(len(shown), 0.85)
+        axes.computed_zorder = False  # pyright: ignore[reportAttributeAccessIssue]
+        size = 3 if i == 0 else 0.5
+        axes.scatter(*shown.T, c=shade, cmap="gray", vmin=0, vmax=1, s=size, depthshade=False, zorder=1)
+        _draw(axes, i, stages)
+        axes.set_box_aspect(high - low, zoom=1.15)  # pyright: ignore[reportArgumentType, reportCallIssue]
+    write_figure(path, figure, dpi=110)
+
+
+def _cropped(mask: np.ndarray) -> np.ndarray:
+    """A square window around the person."""
+    rows, columns = np.nonzero(mask)
+    half = int(0.55 * max(np.ptp(rows), np.ptp(columns))) + 4
+    v, u = int(rows.min() + rows.max()) // 2 + half, int(columns.min() + columns.max()) // 2 + half
+    return np.pad(mask, half)[v - half : v + half, u - half : u + half]
+
+
+def _draw(axes, stage: int, stages: Stages) -> None:
+    graph = stages.graph
+    if stage in (1, 2):
+        for node in range(1, len(graph)):
+            axes.plot(*graph.positions[[node, graph.parents[node]]].T, color="#333333", lw=1, zorder=2)
+    if stage == 1:
+        axes.scatter(*graph.positions[graph.end_nodes].T, color="#e08a00", s=14, depthshade=False, zorder=3)
+    if stage == 2:
+        colours = ("#2e8b40", "#d9342b", "#2b6cd9", "#d9342b", "#2b6cd9")
+        for label, end, colour in zip(_LABELS, stages.limbs.ends[0], colours, strict=True):
+            axes.scatter(*end, color=colour, s=30, depthshade=False, zorder=3)
+            axes.text(*end, f" {label}", fontsize=8, zorder=4)
+        for name, node in (("neck", stages.limbs.neck[0]), ("pelvis", stages.limbs.pelvis[0])):
+            axes.scatter(*node, color="#2e8b40", s=30, depthshade=False, zorder=3)
+            axes.text(*node, f" {name}", fontsize=8, zorder=4)
+    if stage == 3 and np.isfinite(stages.joints).all():
+        for joint, parent in enumerate(JOINT_PARENTS):
+            if parent >= 0:
+                side = JOINT_NAMES[joint][:2] if JOINT_NAMES[joint][1] == "_" else ""
+                axes.plot(*stages.joints[[joint, parent]].T, color=_COLOURS[side], lw=3, zorder=2)
+        axes.scatter(*stages.joints.T, color="black", s=10, depthshade=False, zorder=3)

@@ -1,0 +1,71 @@
+"""Pictures of a score, drawn without a screen."""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from .._runtime.picture_files import write_figure
+from ..body import JOINT_NAMES
+from ..poses import CURVE_THRESHOLDS_MM, Score
+
+
+def plot_score(score: Score, path: str | Path) -> None:
+    """Draw a score as Figure 3 of Straka et al. (BMVC 2011) does.
+
+    On the left the distances of each joint from the truth (mm) over frames with a pose: median, quartiles,
+    whiskers at the 5th and 95th percentile. On the right the share of frames in which a joint is within a
+    threshold (mm), where a frame without a pose counts against every joint.
+
+    Args:
+        score: What to draw, sides counted.
+        path: The picture; its ending tells the format (.png, .pdf, .svg).
+    """
+    figure = Figure(figsize=(12, 5), layout="constrained")
+    FigureCanvasAgg(figure)
+    boxes, curves = figure.subplots(1, 2)
+    _draw_boxes(boxes, score)
+    _draw_curves(curves, score)
+    lost = int((~score.has_pose).sum())
+    figure.suptitle(f"{len(score)} frames, {lost} without a pose")
+    write_figure(path, figure, dpi=150)
+
+
+def _draw_boxes(axes: Axes, score: Score) -> None:
+    distances = 1000 * score.distances[score.has_pose]
+    # A joint that is missing from a pose is infinitely far, which no box can show.
+    shown = [column[np.isfinite(column)] for column in distances.T]
+    axes.boxplot(
+        shown, tick_labels=list(JOINT_NAMES), whis=(5, 95), showfliers=False,
+        medianprops={"color": "tab:red"},
+    )  # fmt: skip
+    axes.axhline(1000 * score.threshold, color="grey", linestyle=":")
+    axes.set_ylim(bottom=0)
+    axes.tick_params(axis="x", rotation=60)
+    axes.set_ylabel("distance from the truth (mm)")
+    axes.set_title("median, quartiles, 5 % to 95 %")
+    axes.grid(axis="y", alpha=0.3)
+
+
+def _draw_curves(axes: Axes, score: Score) -> None:
+    curve = 100 * score.curve()
+    # One colour for both sides of a joint: left solid, right dashed.
+    kinds = list(dict.fromkeys(name.removeprefix("l_").removeprefix("r_") for name in JOINT_NAMES))
+    for joint, share in zip(JOINT_NAMES, curve.T, strict=True):
+        kind = joint.removeprefix("l_").removeprefix("r_")
+        style = "--" if joint.startswith("r_") else "-"
+        axes.plot(
+            CURVE_THRESHOLDS_MM, share, style, color=f"C{kinds.index(kind)}", linewidth=1.2,
+            label=f"_{joint}" if joint.startswith("r_") else kind,
+        )  # fmt: skip
+    axes.plot(CURVE_THRESHOLDS_MM, curve.mean(axis=1), color="black", linewidth=2.5, label="all joints")
+    axes.axvline(1000 * score.threshold, color="grey", linestyle=":")
+    axes.set_xlim(CURVE_THRESHOLDS_MM[0], CURVE_THRESHOLDS_MM[-1])
+    axes.set_ylim(0, 100)
+    axes.set_xlabel("threshold (mm)")
+    axes.set_ylabel("joints within the threshold (%)")
+    axes.set_title("left solid, right dashed")
+    axes.grid(alpha=0.3)
+    axes.legend(loc="lower right", fontsize=8)

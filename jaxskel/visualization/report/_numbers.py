@@ -1,0 +1,86 @@
+"""What the page animates and plots: points, confidence and status of every frame as small whole numbers."""
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int16
+
+from ..._runtime.plain_text import plain
+from ...body import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES, TIP_PARENTS
+from ...poses import STATUS_NAMES, WITH_POSE, Poses
+from ...recording import Recording, Truth, rotation_to_z_up
+from ._outlines import LONG_SIDE, UNITS, UNSEEN, display_scale
+from ._overlays import Overlays
+from ._packed import packed
+
+# Steps of a tenth of a millimetre: 16 bits reach over 6.5 m. Where people walk farther, steps are coarser.
+_STEP = 1e-4
+_LARGEST = 32767
+
+
+def page_numbers(recording: Recording, poses: Poses, truth: Truth | None, overlays: Overlays) -> dict[str, Any]:
+    """Everything that the page's scripts read, ready for JSON.
+
+    Points are turned to a world with z up. Arrays are base64, see `packed`.
+
+    Args:
+        recording: For its cameras, name and up axis.
+        poses: What is shown.
+        truth: The true joints of the same frames.
+        overlays: Outlines and projected skeletons.
+    """
+    turn = rotation_to_z_up(poses.up)
+    shown = body_points(poses.joints, poses.tips) @ turn.T
+    true = None if truth is None else body_points(truth.joints, truth.tips) @ turn.T
+    origin, step = _steps([shown] if true is None else [shown, true])
+    cameras = recording.cameras
+    # An outline is its first point and the steps from each to the next.
+    first = np.cumsum(overlays.lengths) - overlays.lengths
+    steps = np.delete(np.diff(overlays.points, axis=0, prepend=np.int16(0)), first, axis=0)
+    return {
+        "name": plain(recording.name), "frames": len(poses), "fps": poses.fps, "up": poses.up,
+        "frame_index": packed(poses.frame_index, "<f8"),
+        "joints": JOINT_NAMES, "tips": TIP_NAMES, "parents": (*JOINT_PARENTS, *TIP_PARENTS),
+        "statuses": STATUS_NAMES, "with_pose": [int(status) for status in WITH_POSE],
+        "origin": origin.tolist(), "step": step, "unseen": UNSEEN,
+        "points": packed(_in_steps(shown, origin, step), "<i2"),
+        "truth": None if true is None else packed(_in_steps(true, origin, step), "<i2"),
+        "confidence": packed(np.round(255 * poses.confidence), "u1"),
+        "side_confidence": packed(np.round(255 * poses.side_confidence), "u1"),
+        "status": packed(poses.status, "u1"),
+        "views": [
+            {"name": plain(name), "size": size.tolist(), "scale": UNITS * display_scale(size)}
+            for name, size in zip(cameras.names, cameras.size, strict=True)
+        ],
+        "long_side": LONG_SIDE,
+        "cameras": (cameras.centres @ turn.T).round(4).tolist(),
+        "axes": (np.asarray(cameras.R) @ turn.T).round(5).tolist(),
+        "stride": overlays.stride, "shown": len(overlays),
+        "counts": packed(overlays.counts, "<u4"), "lengths": packed(overlays.lengths, "<u4"),
+        "starts": packed(overlays.points[first], "<i2"), "steps": packed(steps, "i1"),
+        "skeletons": packed(overlays.skeletons, "<i2"),
+    }  # fmt: skip
+
+
+def body_points(
+    joints: Float[np.ndarray, "frames joints=15 3"], tips: Float[np.ndarray, "frames tips=5 3"] | None
+) -> Float[np.ndarray, "frames points=20 3"]:
+    """Joints and then tips; tips that are not known are NaN."""
+    if tips is None:
+        tips = np.full((len(joints), len(TIP_NAMES), 3), np.nan)
+    return np.concatenate([joints, tips], axis=1).astype(np.float64)
+
+
+def _steps(clouds: list[np.ndarray]) -> tuple[np.ndarray, float]:
+    """The middle of all points and the length of a step (m)."""
+    points = np.concatenate([cloud.reshape(-1, 3) for cloud in clouds])
+    points = points[np.isfinite(points).all(axis=1)]
+    if len(points) == 0:
+        return np.zeros(3), _STEP
+    low, high = points.min(axis=0), points.max(axis=0)
+    return (low + high) / 2, max(_STEP, float((high - low).max()) / 2 / _LARGEST)
+
+
+def _in_steps(points: np.ndarray, origin: np.ndarray, step: float) -> Int16[np.ndarray, "frames points=20 3"]:
+    steps = np.round((points - origin) / step)
+    return np.where(np.isfinite(steps), steps.clip(-_LARGEST, _LARGEST), UNSEEN).astype(np.int16)

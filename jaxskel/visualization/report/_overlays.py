@@ -1,0 +1,101 @@
+"""Silhouettes and projected skeletons of all views, for as many frames as a page has room for."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int, Int16
+
+from ...cameras import Cameras, project
+from ...recording import Recording, unpack_silhouettes
+from ._outlines import UNSEEN, display_scale, outlines, to_units
+from ._packed import packed_size
+
+_POINTS = 20  # joints and tips
+
+
+@dataclass(frozen=True)
+class Overlays:
+    """What the views show in every ``stride``-th frame, beginning with the first."""
+
+    stride: int
+    counts: Int[np.ndarray, "shown cams"]
+    """Outlines in each view."""
+    lengths: Int[np.ndarray, " outlines"]
+    """Points of each outline, view by view, frame by frame."""
+    points: Int16[np.ndarray, "n 2"]
+    """Points of the outlines, in steps of the display."""
+    skeletons: Int16[np.ndarray, "shown cams points=20 2"]
+    """Joints and tips, in steps of the display; `UNSEEN` where there is none."""
+
+    def __len__(self) -> int:
+        return len(self.counts)
+
+
+def make_overlays(
+    recording: Recording,
+    rows: Int[np.ndarray, " frames"],
+    skeletons: Float[np.ndarray, "frames points=20 3"],
+    room: int,
+    on_frame: Callable[[int], None] | None = None,
+) -> Overlays:
+    """Draw frames into all views until they would take more room than there is; then every second one goes.
+
+    So silhouettes are read once, and a frame at a time.
+
+    Args:
+        recording: Silhouettes and cameras.
+        rows: The frame of the recording that belongs to each frame of the page.
+        skeletons: Joints and tips in the world (m), NaN without a pose.
+        room: What the overlays may take in the page (bytes).
+        on_frame: Called with the number of frames done.
+    """
+    views = len(recording.cameras)
+    shown: list[list[list[np.ndarray]]] = []
+    sizes: list[int] = []
+    stride, total = 1, 0
+    for frame, row in enumerate(rows.tolist()):
+        if frame % stride == 0:
+            shown.append(_frame_outlines(recording, row))
+            lengths = [len(outline) for view in shown[-1] for outline in view]
+            # Two bytes for a step, four for a point, a length or a count.
+            sizes.append(packed_size(2 * sum(lengths) + 8 * len(lengths) + 4 * views * (_POINTS + 1)))
+            total += sizes[-1]
+            while total > room and len(shown) > 1:
+                stride, shown, sizes = 2 * stride, shown[::2], sizes[::2]
+                total = sum(sizes)
+            if total > room:  # not even one frame fits
+                shown = []
+                break
+        if on_frame is not None:
+            on_frame(frame + 1)
+    flat = [outline for views_ in shown for view in views_ for outline in view]
+    return Overlays(
+        stride=stride,
+        counts=np.array([[len(view) for view in views_] for views_ in shown], np.int64).reshape(-1, views),
+        lengths=np.array([len(outline) for outline in flat], np.int64),
+        points=np.concatenate([np.empty((0, 2), np.int16), *flat]),
+        skeletons=drawn_skeletons(recording.cameras, skeletons[::stride][: len(shown)]),
+    )
+
+
+def drawn_skeletons(
+    cameras: Cameras, points: Float[np.ndarray, "frames points=20 3"]
+) -> Int16[np.ndarray, "frames cams points=20 2"]:
+    """Where each view sees joints and tips, lens distortion included, in steps of the display."""
+    drawn = np.full((len(points), len(cameras), *points.shape[1:2], 2), UNSEEN, np.int16)
+    there = np.isfinite(points).all(axis=(1, 2))
+    if there.any():
+        u, v, _ = project(cameras, points[there].reshape(-1, 3).astype(np.float64))
+        for camera, size in enumerate(cameras.size):
+            uv = np.stack([u[camera], v[camera]], -1).reshape(-1, points.shape[1], 2)
+            drawn[there, camera] = to_units(uv, display_scale(size))
+    return drawn
+
+
+def _frame_outlines(recording: Recording, row: int) -> list[list[np.ndarray]]:
+    found = []
+    for packed, size in zip(recording.silhouettes[row], recording.cameras.size, strict=True):
+        width, height = size.tolist()
+        found.append(outlines(unpack_silhouettes(packed[:height], width), display_scale(size)))
+    return found

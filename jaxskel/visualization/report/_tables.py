@@ -1,0 +1,80 @@
+"""The parts of the page that are text: facts of the recording, bone lengths, score. All names are escaped."""
+
+from collections.abc import Iterable, Sequence
+from html import escape
+from importlib.metadata import version
+
+import numpy as np
+
+from ...body import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES, TIP_PARENTS, Skeleton
+from ...poses import LIMBS, Poses, Score
+from ...recording import Recording
+from ._numbers import body_points
+
+
+def facts(recording: Recording, poses: Poses) -> str:
+    """What was recorded, and what became of its frames."""
+    sizes = list(dict.fromkeys(f"{w} x {h}" for w, h in recording.cameras.size.tolist()))
+    counts = ", ".join(f"{count} {name}" for name, count in poses.counts().items())
+    rows = (
+        ("frames", f"{len(poses)} ({len(poses) / poses.fps:.2f} s at {poses.fps:g} fps)"),
+        ("with a pose", f"{int(poses.has_pose.sum())} ({counts})"),
+        ("cameras", f"{len(recording.cameras)} of {', '.join(sizes)} px"),
+        ("up", poses.up),
+        ("page made by", ", ".join(f"{name} {version(name)}" for name in ("jaxskel", "jax", "numpy"))),
+    )
+    return "".join(f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>" for name, value in rows)
+
+
+def bone_lengths(poses: Poses, skeleton: Skeleton | None) -> str:
+    """Lengths between joints over the frames with a pose: median, 5th to 95th percentile, and the subject's own.
+
+    Hand and foot turn about wrist and ankle, so the lengths to palm and ball of the foot vary.
+    """
+    if not poses.has_pose.any():
+        return "<p>No frame has a pose.</p>"
+    ends = [*range(1, len(JOINT_NAMES)), *range(len(JOINT_NAMES), len(JOINT_NAMES) + len(TIP_NAMES))]
+    starts = [*JOINT_PARENTS[1:], *TIP_PARENTS]
+    names = (*JOINT_NAMES, *TIP_NAMES)
+    points = body_points(poses.joints, poses.tips)[poses.has_pose]
+    lengths = 1000 * np.linalg.norm(points[:, ends] - points[:, starts], axis=-1)
+    middle, (low, high) = np.median(lengths, axis=0), np.percentile(lengths, (5, 95), axis=0)
+    known = None if skeleton is None else 1000 * np.concatenate([skeleton.bone_lengths, skeleton.tip_lengths])
+    rows = []
+    for i, (start, end) in enumerate(zip(starts, ends, strict=True)):
+        row = [f"{names[start]} to {names[end]}", f"{middle[i]:.0f}", f"{low[i]:.0f} to {high[i]:.0f}"]
+        rows.append(row if known is None else [*row, f"{known[i]:.0f}"])
+    head = ["bone", "median mm", "5 to 95 %", *([] if known is None else ["subject mm"])]
+    return _table(head, rows)
+
+
+def score_tables(score: Score | None) -> str:
+    """How far the poses are from the truth, as `jaxskel evaluate` counts it; empty without a truth."""
+    if score is None:
+        return ""
+    n = len(score)
+    rows = []
+    for name, forgive in (("sides counted", False), ("swaps forgiven", True)):
+        wrong = [f"{100 * score.wrong(limb, forgive) / n:.1f} %" for limb in LIMBS]
+        middle = score.percentile(50, None, forgive)
+        rows.append([name, *wrong, f"{100 * score.all_correct(forgive):.1f} %", _mm(middle)])
+    table = _table(["", *LIMBS, "all 15 right", "median mm"], rows)
+    joints = [[joint, *(_mm(score.percentile(q, joint)) for q in (25, 50, 75, 95))] for joint in JOINT_NAMES]
+    each = _table(["distance, mm", "25 %", "median", "75 %", "95 %"], joints)
+    unknown = f", {score.without_truth} more without a truth" if score.without_truth else ""
+    return (
+        f"<section><h2>Score</h2><p>Frames in which a joint is more than {1000 * score.threshold:.0f} mm from the "
+        f"truth: {n} frames scored, {int((~score.has_pose).sum())} without a pose{unknown}.</p>{table}{each}</section>"
+    )
+
+
+def _mm(metres: float) -> str:
+    return f"{1000 * metres:.1f}" if np.isfinite(metres) else "–"
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    def cells(tag: str, row: Sequence[str]) -> str:
+        return "<tr>" + "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in row) + "</tr>"
+
+    body = "".join(cells("td", row) for row in rows)
+    return f"<div class='table'><table><thead>{cells('th', head)}</thead><tbody>{body}</tbody></table></div>"

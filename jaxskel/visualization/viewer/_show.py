@@ -1,0 +1,87 @@
+"""The view in a window, or in a file for a window elsewhere."""
+
+import os
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+from ..._runtime.atomic_files import check_replaceable
+from ..._runtime.plain_text import plain
+from ...pipeline import Settings
+from ...poses import Poses
+from ...recording import Recording
+from ._blueprint import blueprint
+from ._log import log_recording, shown_frames
+from ._rerun import rr
+
+_APPLICATION = "jaxskel"
+
+
+def save_view(
+    path: str | Path,
+    recording: Recording,
+    poses: Poses | None = None,
+    settings: Settings | None = None,
+    frames: slice = slice(None),
+    on_frame: Callable[[int, int], None] | None = None,
+) -> int:
+    """Write the view to a file, for ``rerun FILE.rrd`` to open; see `log_recording`. No window is opened.
+
+    Returns:
+        The number of frames written.
+
+    Raises:
+        ValueError: Poses of another recording, or no frame to show.
+    """
+    path = Path(path)
+    shown_frames(recording, poses, frames)  # before anything is written
+    check_replaceable(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    # The viewer's package opens its file by name, and it grows frame by frame; it appears once it is whole.
+    with tempfile.TemporaryDirectory(prefix=f".{path.name[:40]}.", dir=path.parent) as folder:
+        unfinished = Path(folder) / "view.rrd"
+        stream = rr.RecordingStream(_APPLICATION)
+        stream.save(unfinished, default_blueprint=blueprint(recording, poses is not None))
+        stream.send_recording_name(plain(recording.name))
+        try:
+            count = log_recording(stream, recording, poses, settings, frames, on_frame)
+        finally:
+            stream.disconnect()  # writes what is left and closes the file
+        os.replace(unfinished, path)
+    return count
+
+
+def show_view(
+    recording: Recording,
+    poses: Poses | None = None,
+    settings: Settings | None = None,
+    frames: slice = slice(None),
+    on_frame: Callable[[int, int], None] | None = None,
+) -> int:
+    """Open the viewer, or one that is open already, and show the view; see `log_recording`.
+
+    The window stays when Python ends.
+
+    Returns:
+        The number of frames shown.
+
+    Raises:
+        ValueError: Poses of another recording, or no frame to show.
+        OSError: There is no display.
+    """
+    shown_frames(recording, poses, frames)
+    if not has_display():
+        raise OSError("there is no display to show the view on; save it, and open the file where there is one")
+    stream = rr.RecordingStream(_APPLICATION)
+    stream.spawn(default_blueprint=blueprint(recording, poses is not None))
+    stream.send_recording_name(plain(recording.name))
+    try:
+        return log_recording(stream, recording, poses, settings, frames, on_frame)
+    finally:
+        stream.disconnect()
+
+
+def has_display() -> bool:
+    """Whether a window can be opened; only on Linux may there be no display."""
+    return not sys.platform.startswith("linux") or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))

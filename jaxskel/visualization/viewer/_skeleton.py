@@ -1,0 +1,53 @@
+"""The skeleton of the poses: joints and tips, bones between them, colours by side."""
+
+import numpy as np
+from jaxtyping import Float, Int, UInt8
+
+from ...body import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES, TIP_PARENTS
+from ...poses import Poses
+from .. import LEFT, MIDDLE, RIGHT
+from ._rerun import rr
+
+POINT_NAMES = JOINT_NAMES + TIP_NAMES
+BONES: Int[np.ndarray, "bones=19 2"] = np.stack(
+    [np.arange(1, len(POINT_NAMES)), np.array(JOINT_PARENTS[1:] + TIP_PARENTS)], axis=1
+)
+"""Points at the ends of each bone, its own first."""
+
+_SIDES = {"l_": LEFT, "r_": RIGHT}
+# The drawings are OpenCV's, blue first.
+COLOURS: UInt8[np.ndarray, "points=20 3"] = np.array(
+    [_SIDES.get(name[:2], MIDDLE)[::-1] for name in POINT_NAMES], np.uint8
+)
+"""Colour of each point: left red, right blue, the middle green."""
+BONE_COLOURS = COLOURS[BONES[:, 0]]
+
+# Radii of a joint and of a bone that are sure (m): thinner than a wrist, so that the hull around them shows.
+_JOINT, _BONE = 0.018, 0.009
+# A joint of no confidence is drawn as thin as this share, so that it is still seen.
+_THINNEST = 0.3
+
+
+def body_points(poses: Poses, frame: int) -> Float[np.ndarray, "points=20 3"]:
+    """Joints and then tips of one frame in the recording's world (m); NaN where there is none."""
+    return np.concatenate([poses.joints[frame], poses.tips[frame]]).astype(np.float64)
+
+
+def log_skeleton(
+    stream: rr.RecordingStream, points: Float[np.ndarray, "points=20 3"], confidence: Float[np.ndarray, " joints=15"]
+) -> None:
+    """Show joints, tips and bones of one frame, the thinner the less sure; what is NaN is cleared."""
+    sure = np.concatenate([confidence, confidence[list(TIP_PARENTS)]])
+    sure = _THINNEST + (1 - _THINNEST) * sure
+    there = np.isfinite(points).all(1)
+    joints = rr.Points3D(
+        points[there].astype(np.float32), radii=_JOINT * sure[there], colors=COLOURS[there],
+        labels=[POINT_NAMES[i] for i in np.flatnonzero(there)], show_labels=False,
+    )  # fmt: skip
+    stream.log("world/skeleton/joints", joints)
+    bones = points[BONES]
+    drawn = np.isfinite(bones).all((1, 2))
+    lines = rr.LineStrips3D(
+        bones[drawn].astype(np.float32), radii=_BONE * sure[BONES[drawn, 0]], colors=BONE_COLOURS[drawn]
+    )
+    stream.log("world/skeleton/bones", lines)

@@ -1,0 +1,96 @@
+"""What is in each frame before any pose: hull, skeletal graph and its labelled nodes."""
+
+from collections.abc import Iterator
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
+
+from ...graph import SkeletalGraph
+from ...hull import FRAMES_PER_WORD, VisualHulls, carve
+from ...matching import Limbs
+from ...pipeline import Prepared, Settings, observe_batch
+from ...poses import Status
+from ...recording import Recording
+
+LABELS = ("head", "left hand", "right hand", "left foot", "right foot", "neck", "pelvis")
+"""Nodes of the graph that have a name, in the order of `FrameStages.named`."""
+
+_NEIGHBOURS = np.concatenate([np.eye(3, dtype=int), -np.eye(3, dtype=int)])
+
+
+class FrameStages(eqx.Module):
+    """Hull and graph of one frame, in the recording's world."""
+
+    silhouettes: UInt8[np.ndarray, "cams h w8"]
+    """What they were made of: packed bits, as in the recording."""
+    status: Status
+    """`Status.OK` where there is one whole person."""
+    surface: Float[np.ndarray, "voxels 3"]
+    """Centres of the voxels at the surface of the hull (m): of the person, or, where enough views show
+    something else than one whole person, of all that was carved."""
+    edges: Float[np.ndarray, "edges 2 3"]
+    """Edges of the skeletal graph (m); none without a person."""
+    named: Float[np.ndarray, "labels=7 3"]
+    """The nodes of `LABELS` (m); NaN where one was not found."""
+
+
+def stages_of_frames(
+    recording: Recording, rows: Int[np.ndarray, " frames"], prepared: Prepared, settings: Settings
+) -> Iterator[FrameStages]:
+    """Carve frames of a recording and scoop and label their graphs, one batch at a time.
+
+    Args:
+        recording: Silhouettes and cameras.
+        rows: Frames, counted from 0, ascending.
+        prepared: What `prepare` found for the recording.
+        settings: How.
+    """
+    for start in range(0, len(rows), FRAMES_PER_WORD):
+        silhouettes = recording.silhouettes[rows[start : start + FRAMES_PER_WORD]]
+        found = observe_batch(silhouettes, prepared, settings, outlines=False)
+        seen = found.seen
+        person = {int(frame): i for i, frame in enumerate(seen.frames)}
+        graphs, limbs, everything = [], Limbs.none(0), None
+        if found.labelled is not None:
+            graphs, limbs = found.labelled.graphs, found.labelled.limbs
+        # Why there is no person is what one wants to see; `see_people` keeps the hulls of people only. Of too few
+        # views there is no hull.
+        refused = ~np.isin(seen.status, (Status.OK, Status.EMPTY, Status.TOO_FEW_VIEWS))
+        if prepared.table is not None and refused.any():
+            everything = carve(silhouettes, prepared.table, seen.lost, prepared.max_misses)
+        for frame in range(len(silhouettes)):
+            surface, edges, named = np.zeros((0, 3)), np.zeros((0, 2, 3)), np.full((len(LABELS), 3), np.nan)
+            if frame in person and seen.hulls is not None:
+                i = person[frame]
+                surface, edges, named = surface_centres(seen.hulls, i), _edges(graphs[i]), _named(limbs, i)
+            elif refused[frame] and everything is not None:
+                surface = surface_centres(everything, frame)
+            back = prepared.to_z_up
+            status = Status(int(seen.status[frame]))
+            yield FrameStages(silhouettes[frame], status, surface @ back, edges @ back, named @ back)
+
+
+def surface_centres(hulls: VisualHulls, frame: int) -> Float[np.ndarray, "voxels 3"]:
+    """Centres of the voxels of a hull of which a side is bare (m): all that can be seen of it."""
+    inside = hulls.inside[frame]
+    voxels = hulls.voxels[inside]
+    if len(voxels) == 0:
+        return np.zeros((0, 3))
+    return hulls.centres[inside][~_buried(voxels - voxels.min(0) + 1)]
+
+
+def _buried(voxels: Int[np.ndarray, "voxels 3"]) -> Bool[np.ndarray, " voxels"]:
+    """Whether all six neighbours of a voxel are there; indices count from 1."""
+    occupied = np.zeros(voxels.max(0) + 2, bool)
+    occupied[tuple(voxels.T)] = True
+    return np.all([occupied[tuple((voxels + step).T)] for step in _NEIGHBOURS], axis=0)
+
+
+def _edges(graph: SkeletalGraph) -> Float[np.ndarray, "edges 2 3"]:
+    return np.stack([graph.positions[1:], graph.positions[graph.parents[1:]]], axis=1)
+
+
+def _named(limbs: Limbs, frame: int) -> Float[np.ndarray, "labels=7 3"]:
+    ends = np.where(limbs.found[frame, :, None], limbs.ends[frame], np.nan)
+    return np.concatenate([ends, limbs.neck[None, frame], limbs.pelvis[None, frame]])

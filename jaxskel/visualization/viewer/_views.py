@@ -1,0 +1,78 @@
+"""The cameras in the scene, and on the image of each its silhouette and the skeleton as it sees it."""
+
+import cv2
+import numpy as np
+from jaxtyping import Float, Int, UInt8
+
+from ...cameras import Cameras, project
+from ...recording import unpack_silhouettes
+from .. import draw_silhouette
+from ._rerun import rr
+from ._skeleton import BONE_COLOURS, BONES
+
+LONG_SIDE = 640
+"""Longer side of a view at the most (px): silhouettes of minutes are to fit into the viewer's memory."""
+
+# How far before its camera an image hangs (m): well outside of the people, who stand some metres off.
+_IMAGE_DISTANCE = 0.4
+# Of a line over an image (px of the screen, whatever the size at which the image is shown).
+_LINE = rr.Radius.ui_points(1.5)
+
+
+def camera_path(name: str) -> str:
+    """Where the viewer keeps a camera."""
+    return "world/cameras/" + rr.escape_entity_path_part(name)
+
+
+def log_cameras(stream: rr.RecordingStream, cameras: Cameras) -> None:
+    """Place every camera in the world; it stands there for all frames.
+
+    The viewer's pinholes know neither skew nor lens distortion, so that of a fisheye is right about its middle only;
+    what is drawn over its image is right everywhere. The viewer's pixels have their corners, not their centres, at
+    whole numbers.
+    """
+    for i, (name, size) in enumerate(zip(cameras.names, cameras.size, strict=True)):
+        factors = display_size(size) / size
+        K = np.array(cameras.K[i], np.float64)
+        K[0, 1] = 0
+        K[:2, 2] += 0.5
+        K[:2] *= factors[:, None]
+        placed = rr.Transform3D(translation=cameras.centres[i], mat3x3=np.asarray(cameras.R[i]).T)
+        seen = rr.Pinhole(
+            image_from_camera=K, resolution=display_size(size), image_plane_distance=_IMAGE_DISTANCE,
+            camera_xyz=rr.ViewCoordinates.RDF,
+        )  # fmt: skip
+        stream.log(camera_path(name), placed, seen, static=True)
+
+
+def log_silhouettes(stream: rr.RecordingStream, cameras: Cameras, packed: UInt8[np.ndarray, "cams h w8"]) -> None:
+    """Show the silhouettes of one frame in every view, small, as PNG."""
+    for name, size, bits in zip(cameras.names, cameras.size, packed, strict=True):
+        width, height = size.tolist()
+        image = _small(draw_silhouette(unpack_silhouettes(bits[:height], width)), display_size(size))
+        contents = cv2.imencode(".png", image)[1].tobytes()
+        stream.log(f"{camera_path(name)}/silhouette", rr.EncodedImage(contents=contents, media_type="image/png"))
+
+
+def log_projections(stream: rr.RecordingStream, cameras: Cameras, points: Float[np.ndarray, "points=20 3"]) -> None:
+    """Draw the bones of one frame into every view, lens distortion included; none that a view cannot see."""
+    u, v, _ = project(cameras, points)
+    factors = np.array([display_size(size) / size for size in cameras.size])
+    uv = (np.stack([u, v], -1) + 0.5) * factors[:, None]
+    for name, seen in zip(cameras.names, uv, strict=True):
+        bones = seen[BONES]
+        drawn = np.isfinite(bones).all((1, 2))
+        lines = rr.LineStrips2D(bones[drawn].astype(np.float32), colors=BONE_COLOURS[drawn], radii=_LINE)
+        stream.log(f"{camera_path(name)}/skeleton", lines)
+
+
+def display_size(size: Int[np.ndarray, "2"]) -> Int[np.ndarray, "2"]:
+    """Width and height at which a view is shown (px); no image is blown up."""
+    return np.maximum(1, np.round(size * min(1.0, LONG_SIDE / int(size.max())))).astype(np.int64)
+
+
+def _small(image: UInt8[np.ndarray, "h w 3"], size: Int[np.ndarray, "2"]) -> UInt8[np.ndarray, "h2 w2 3"]:
+    width, height = size.tolist()
+    if (height, width) == image.shape[:2]:
+        return image
+    return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)

@@ -1,0 +1,86 @@
+"""`jaxskel export`, as its users run it."""
+
+import csv
+import sys
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+from support.command_line import jaxskel
+from support.poses import moving, points
+
+from jaxskel.io.mocap import read_bvh
+from jaxskel.io.poses import read_trc, write_poses
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Poses with two gaps, and poses of which none is there."""
+    folder = tmp_path_factory.mktemp("export")
+    write_poses(folder, moving(10, 29.97, without=(0, 4)))
+    write_poses(folder / "nobody", moving(2, without=(0, 1)))
+    return folder
+
+
+def test_every_kind_is_written_and_said(folder):
+    done = jaxskel("export", "poses.npz", "out/a.trc", "a.C3D", "a.bvh", "a.csv", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    trc, c3d, bvh, table = done.stdout.strip().splitlines()
+    assert trc == "out/a.trc: 10 frames at 29.97 fps, m, +Y up; 2 without a pose: empty cells"
+    assert c3d == "a.C3D: 10 frames at 29.97 fps, mm, +Z up; 2 without a pose: residual -1"
+    assert bvh.startswith(
+        "a.bvh: 10 frames at 29.97 fps, cm, +Y up; 2 without a pose: another held; joints within 0.00"
+    )
+    assert table == "a.csv: 10 frames at 29.97 fps, m, +Z up; 2 without a pose: empty cells"
+    assert (folder / "a.csv").read_bytes() == (folder / "poses.csv").read_bytes()
+    assert (folder / "a.C3D").stat().st_size > 1000
+
+
+def test_unit_and_up_axis_are_chosen(folder):
+    done = jaxskel("export", "poses.npz", "b.trc", "b.bvh", "b.csv", "--up", "+Z", "--millimetres", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert "b.trc: 10 frames at 29.97 fps, mm, +Z up" in done.stdout
+    assert "\tmm\t" in (folder / "b.trc").read_text()
+    expected = points(moving(10, 29.97, without=(0, 4)), "+Z")
+    np.testing.assert_allclose(read_trc(folder / "b.trc").positions, expected, atol=1e-6)
+    assert read_bvh(folder / "b.bvh").positions[1, 0, 2] == pytest.approx(expected[1, 0, 2], abs=1e-5)
+    done = jaxskel("export", "poses.npz", "c.csv", "--up", "+Y", cwd=folder)
+    assert "c.csv: 10 frames at 29.97 fps, m, +Y up" in done.stdout
+    with open(folder / "c.csv", newline="") as file:
+        row = list(csv.DictReader(file))[1]
+    np.testing.assert_allclose([float(row[f"pelvis_{a}"]) for a in "xyz"], expected[1, 0, [1, 2, 0]], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "why"),
+    [
+        (("poses.npz", "a.fbx"), "a.fbx: unknown kind of file; give a name that ends in one of .trc"),
+        (("poses.npz", "d.trc", "none"), "none: unknown kind of file"),
+        (("poses.npz", "d.trc", "--up", "Y"), "--up Y: give one of +X"),
+        (("poses.npz", "d.bvh", "--millimetres"), "--millimetres: only a .trc"),
+        (("poses.csv", "d.trc"), "poses.csv: is not a whole .npz archive"),
+        (("nobody/poses.npz", "d.bvh"), "d.bvh: no frame has a pose"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_before_anything_is_written(folder, arguments, why):
+    before = set(folder.iterdir())
+    done = jaxskel("export", *arguments, cwd=folder)
+    assert done.returncode == 2
+    assert why in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert set(folder.iterdir()) == before
+
+
+def test_without_any_pose_it_is_written_and_the_exit_code_says_so(folder):
+    done = jaxskel("export", "nobody/poses.npz", "nobody/a.trc", cwd=folder)
+    assert done.returncode == 1
+    assert "2 without a pose" in done.stdout
+    assert "no frame has a pose" in done.stderr
+    assert np.isnan(read_trc(folder / "nobody" / "a.trc").positions).all()
+
+
+def test_a_missing_package_is_named(folder):
+    with patch.dict(sys.modules, {"ezc3d": None}):
+        done = jaxskel("export", "poses.npz", "e.c3d", cwd=folder)
+    assert done.returncode == 2
+    assert 'pip install "jaxskel[export]"' in done.stderr

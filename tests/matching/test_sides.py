@@ -1,0 +1,138 @@
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from jaxskel.body import JOINT_NAMES, TIP_NAMES, default_adult
+from jaxskel.matching import L_FOOT, L_HAND, R_FOOT, R_HAND, Limbs, tell_sides
+from jaxskel.matching._limbs import PATH_POINTS
+
+ADULT = default_adult()
+AT = dict(zip(JOINT_NAMES + TIP_NAMES, np.vstack([ADULT.rest_joints, ADULT.rest_tips]), strict=True))
+MIRROR = np.diag([1.0, -1.0, 1.0])
+
+
+def along(points) -> tuple[np.ndarray, float]:
+    """A path of evenly spaced points through some points, and its length."""
+    points = np.asarray(points, float)
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    where = np.linspace(0, way[-1], PATH_POINTS)
+    return np.stack([np.interp(where, way, points[:, axis]) for axis in range(3)], -1), way[-1]
+
+
+def person(toes=0.2, knees=0.0, turn=0.0, found=(True,) * 5, crossed=False) -> Limbs:
+    """A standing person who faces x, with feet that reach so far before the ankles and knees bent so far (m)."""
+    ways = [[AT["head_top"], AT["head_top"] - [0, 0, 0.01]]]
+    trunk = [AT["head_top"], AT["neck"]]
+    for side in "lr":
+        elbow, hand = AT[f"{side}_elbow"], AT[f"{side}_fingertip"]
+        if crossed:  # the forearms lie before the chest, each hand on the other side
+            hand = elbow * [1, -0.6, 1] + [0.25, 0, 0.1]
+        ways.append([*trunk, AT[f"{side}_shoulder"], elbow, hand])
+    for side in "lr":
+        hip, knee = AT[f"{side}_hip"], AT[f"{side}_knee"] + [knees, 0, 0]
+        ankle = AT[f"{side}_knee"] * [1, 1, 0] + [0, 0, AT["l_foot"][2] + 0.04]
+        ways.append([*trunk, AT["pelvis"], hip, knee, ankle, ankle + [toes, 0, -0.01]])
+    paths, lengths = (np.array(part) for part in zip(*(along(way) for way in ways), strict=True))
+    rotation = Rotation.from_euler("z", turn).as_matrix()
+    return Limbs(
+        (paths @ rotation.T)[None],
+        lengths[None],
+        np.array([found]),
+        (rotation @ AT["neck"])[None],
+        (rotation @ AT["pelvis"])[None],
+    )
+
+
+def mirrored(limbs: Limbs) -> Limbs:
+    """The person in the mirror, who has the left limbs on the right."""
+    return Limbs(limbs.paths @ MIRROR, limbs.lengths, limbs.found, limbs.neck @ MIRROR, limbs.pelvis @ MIRROR)
+
+
+PEOPLE = {
+    "standing": {},
+    "in socks": {"toes": 0.12},
+    "knees bent": {"toes": 0.2, "knees": 0.15},
+    "on tiptoe": {"toes": 0.0, "knees": 0.2},
+    "arms crossed": {"crossed": True},
+    "hidden foot": {"found": (True, True, True, True, False)},
+}
+FEET_AND_HANDS = (L_HAND, R_HAND, L_FOOT, R_FOOT)
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.0, -2.0, np.pi])
+@pytest.mark.parametrize("name", PEOPLE)
+def test_the_right_sides_stay(name, turn):
+    limbs = person(**PEOPLE[name], turn=turn)
+    told, facing, confidence = tell_sides(limbs, ADULT)
+    np.testing.assert_array_equal(told.paths, limbs.paths)
+    np.testing.assert_array_equal(told.found, limbs.found)
+    np.testing.assert_allclose(facing, [[np.cos(turn), np.sin(turn), 0.0]], atol=0.05)
+    assert 0.75 < confidence[0] <= 1.0
+
+
+@pytest.mark.parametrize("hands", [False, True])
+@pytest.mark.parametrize("feet", [False, True])
+@pytest.mark.parametrize("name", PEOPLE)
+def test_wrong_sides_are_exchanged(name, hands, feet):
+    limbs = person(**PEOPLE[name], turn=0.7)
+    exchanged = limbs.exchanged(np.array([hands]), np.array([feet]))
+    assert (exchanged.paths != limbs.paths).any() == (hands or feet)
+    told, facing, confidence = tell_sides(exchanged, ADULT)
+    np.testing.assert_array_equal(told.paths, limbs.paths)
+    np.testing.assert_array_equal(told.lengths, limbs.lengths)
+    np.testing.assert_array_equal(told.found, limbs.found)
+    _, expected_facing, expected_confidence = tell_sides(limbs, ADULT)
+    np.testing.assert_allclose(facing, expected_facing)
+    np.testing.assert_allclose(confidence, expected_confidence)
+
+
+@pytest.mark.parametrize("name", PEOPLE)
+def test_the_person_in_the_mirror_is_exchanged(name):
+    limbs = mirrored(person(**PEOPLE[name]))
+    told, facing, confidence = tell_sides(limbs, ADULT)
+    both = np.array([True])
+    np.testing.assert_array_equal(told.paths, limbs.exchanged(both, both).paths)
+    np.testing.assert_allclose(facing, [[1.0, 0.0, 0.0]], atol=0.05)
+    assert told.at(L_HAND, 0.45)[0, 1] > 0 > told.at(R_HAND, 0.45)[0, 1]
+    assert confidence[0] > 0.75
+
+
+def test_nothing_tells():
+    # No feet and straight knees: neither side is the front.
+    _, facing, confidence = tell_sides(person(toes=0.0), ADULT)
+    assert confidence[0] < 0.55
+    # A hair's breadth of a foot says which side is the front, but not loudly.
+    _, facing, confidence = tell_sides(person(toes=0.01), ADULT)
+    assert 0.5 < confidence[0] < 0.65
+    # No legs at all.
+    _, facing, confidence = tell_sides(person(found=(True, True, True, False, False)), ADULT)
+    np.testing.assert_array_equal(facing, 0.0)
+    assert confidence[0] == 0.5
+
+
+def test_confidence_grows_with_the_evidence():
+    confidence = [tell_sides(person(toes=toes), ADULT)[2][0] for toes in (0.03, 0.08, 0.15, 0.25)]
+    assert (np.diff(confidence) > 0).all()
+
+
+def test_a_frame_does_not_depend_on_its_batch():
+    people = [person(turn=0.3), mirrored(person(turn=1.3)), person(toes=0.05)]
+    batch = Limbs(
+        *(np.concatenate([getattr(p, k) for p in people]) for k in ("paths", "lengths", "found", "neck", "pelvis"))
+    )
+    told, facing, confidence = tell_sides(batch, ADULT)
+    for f, one in enumerate(people):
+        alone, alone_facing, alone_confidence = tell_sides(one, ADULT)
+        np.testing.assert_array_equal(told.paths[f], alone.paths[0])
+        np.testing.assert_array_equal(facing[f], alone_facing[0])
+        np.testing.assert_array_equal(confidence[f], alone_confidence[0])
+
+
+def test_points_along_a_path_by_hand():
+    # One metre of a straight path, at 0, 0.25, 1 and more than the whole length from its end.
+    path, length = along([(0, 0, 0), (0, 0, 1.0)])
+    limbs = Limbs(
+        np.tile(path, (1, 5, 1, 1)), np.full((1, 5), length), np.ones((1, 5), bool), np.zeros((1, 3)), np.zeros((1, 3))
+    )
+    for distance, z in ((0.0, 1.0), (0.25, 0.75), (1.0, 0.0), (3.0, 0.0)):
+        np.testing.assert_allclose(limbs.at(L_FOOT, distance), [[0, 0, z]], atol=1e-12)

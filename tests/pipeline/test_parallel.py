@@ -1,0 +1,97 @@
+"""Several processes: the same poses, in order, whatever finishes first."""
+
+import os
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from jaxskel import (
+    Pose,
+    Poses,
+    Settings,
+    Tracking,
+    join_poses,
+    paper_settings,
+    reconstruct_batches,
+    reconstruct_parallel,
+)
+from jaxskel.pipeline import _parallel as parallel
+from jaxskel.search import Track
+from jaxskel.synthetic import make_scene
+
+
+def test_two_processes_give_what_one_gives():
+    scene = make_scene(70)  # three batches
+    settings = paper_settings()
+    alone = join_poses(reconstruct_batches(scene, settings))
+    together = join_poses(reconstruct_parallel(scene, 2, settings))
+    np.testing.assert_array_equal(together.frame_index, alone.frame_index)
+    np.testing.assert_array_equal(together.status, alone.status)
+    np.testing.assert_array_equal(together.joints, alone.joints)
+
+
+def test_no_jobs_are_refused():
+    with pytest.raises(ValueError, match="0 jobs: give at least one"):
+        next(reconstruct_parallel(make_scene(2), 0))
+
+
+def test_frames_that_are_followed_stay_together():
+    tracked = Settings(tracking=Tracking())
+    assert parallel._stretches(100, 2, Settings()) == [[0], [32], [64], [96]]
+    assert parallel._stretches(100, 2, tracked) == [[0, 32], [64, 96]]
+    assert parallel._stretches(70, 2, tracked) == [[0, 32], [64]]
+    assert parallel._stretches(10, 8, tracked) == [[0]]
+
+
+def test_batches_come_in_order_and_tracks_are_handed_on(monkeypatch):
+    scene = make_scene(200)
+    first = {scene.silhouettes[start].tobytes(): start for start in range(0, 200, 32)}
+    followed = []
+    somewhere = Pose(np.zeros(3), np.tile(np.eye(3), (17, 1, 1)))
+
+    def at(start: int) -> Track:
+        return Track(somewhere, somewhere, start, np.zeros(1))
+
+    def batch(silhouettes, track):
+        start = first[silhouettes[0].tobytes()]
+        time.sleep(0.02 if start < 64 else 0.0)  # the first ones are the last to be done
+        followed.append((track and track.since, start))
+        count = len(silhouettes)
+        empty = np.full((count, 15, 3), np.nan, np.float32), np.full((count, 5, 3), np.nan, np.float32)
+        trust = np.zeros((count, 15), np.float32), np.full(count, 0.5, np.float32)
+        return Poses(*empty, *trust, np.full(count, start), 30.0, "+Z", np.arange(count)), at(start)
+
+    monkeypatch.setattr(parallel, "_batch", batch)
+    stretches = [[0, 32], [64, 96], [128], [160, 192]]
+    with ThreadPoolExecutor(2) as pool:
+        found = list(parallel._in_order(pool, scene, stretches, 3))
+    assert [int(poses.status[0]) for poses in found] == [0, 32, 64, 96, 128, 160, 192]
+    np.testing.assert_array_equal(np.concatenate([poses.frame_index for poses in found]), scene.frame_index)
+    assert sorted(followed, key=lambda pair: pair[1]) == [
+        (None, 0), (0, 32), (None, 64), (64, 96), (None, 128), (None, 160), (160, 192),
+    ]  # fmt: skip
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity") or not os.path.exists("/proc/self/task"), reason="not Linux")
+def test_all_threads_of_a_process_keep_to_its_core():
+    code = (
+        "import os, jaxskel, jax.numpy as jnp\n"
+        "from jaxskel.pipeline._parallel import take_core\n"
+        "def jax_has_begun():\n"
+        "    names = [open(f'/proc/self/task/{thread}/comm').read() for thread in os.listdir('/proc/self/task')]\n"
+        "    return any('XLA' in name for name in names)\n"
+        "assert not jax_has_begun()\n"
+        "before = os.sched_getaffinity(0)\n"
+        "take_core(1)\n"
+        "jnp.ones((500, 500)).dot(jnp.ones((500, 500))).block_until_ready()\n"
+        "assert jax_has_begun()\n"
+        "threads = os.listdir('/proc/self/task')\n"
+        "assert len(threads) > 2\n"
+        "mine = {core for thread in threads for core in os.sched_getaffinity(int(thread))}\n"
+        "assert mine == {sorted(before)[1 % len(before)]}, mine\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

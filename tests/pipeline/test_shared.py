@@ -1,0 +1,46 @@
+"""Realistic bodies and a real recording, which lie beside the checkout where the project is developed."""
+
+import equinox as eqx
+import numpy as np
+from support.shared_data import SEQUENCE, SHARED, needs
+
+from jaxskel import Recording, Settings, join_poses, prepare, read_recording, reconstruct_batches
+from jaxskel.poses import score
+
+REAL = SHARED / "real" / "vlasic_crane" / "vlasic_crane.npz"
+
+
+def run(recording: Recording):
+    prepared = prepare(recording, Settings())
+    return prepared, join_poses(reconstruct_batches(recording, Settings(), prepared))
+
+
+@needs(SEQUENCE)
+def test_a_realistic_body_with_free_arms():
+    recording = read_recording(SEQUENCE)[::8]
+    # As many cameras as elsewhere in the tests, and of the same names, so that nothing is compiled again.
+    recording = eqx.tree_at(
+        lambda r: (r.cameras, r.silhouettes), recording, (recording.cameras[:8], recording.silhouettes[:, :8])
+    )
+    assert recording.truth is not None
+    _, poses = run(recording)
+    result = score(poses.joints.astype(float), recording.truth.joints, poses.has_pose)
+    assert poses.has_pose.all()
+    assert result.wrong("l_foot") + result.wrong("r_foot") == 0
+    assert result.wrong("l_hand") + result.wrong("r_hand") == 0
+    assert result.percentile(50) < 0.015
+
+
+@needs(REAL)
+def test_a_real_person_of_unknown_dimensions_stands_upright_on_the_floor():
+    # World +Y up, floor at y = 0; arms lifted in wide sleeves, one knee up.
+    prepared, poses = run(read_recording(REAL)[:96:12])
+    assert not prepared.skeleton_is_known
+    assert poses.has_pose.all()
+    joints = poses.joints
+    trunk = joints[:, 1] - joints[:, 0]
+    tilt = np.degrees(np.arccos(trunk[:, 1] / np.linalg.norm(trunk, axis=1)))
+    assert tilt.max() < 20
+    assert ((joints[:, 2, 1] > 1.5) & (joints[:, 2, 1] < 1.9)).all()
+    lower_foot = joints[:, [11, 14], 1].min(1)
+    assert ((lower_foot > -0.02) & (lower_foot < 0.13)).all()

@@ -1,0 +1,111 @@
+"""Following a person: the track holds, and it recovers from whatever it is led into."""
+
+import itertools
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from support.capsule_films import ADULT, BODY, Filmed, film_body, joints_of, some
+
+from jaxskel import Pose
+from jaxskel.body import SEGMENT_NAMES
+from jaxskel.search import Proposed, Search, Track, Tracking, make_model, track_frames
+from jaxskel.search._track import cheapest_path
+from jaxskel.synthetic import demo_motion
+
+FPS, FRAMES = 24.0, 20
+SEARCH = Search().relative_to(3.0)
+
+
+@pytest.fixture(scope="module")
+def filmed() -> Filmed:
+    """A second of a walk."""
+    return film_body(some(demo_motion(ADULT, 120, FPS), np.arange(36, 36 + FRAMES)), FPS)
+
+
+def follow(filmed: Filmed, frames: slice, track: Track | None) -> tuple[np.ndarray, Track]:
+    """Errors of the worst joint of each frame (m), and the track."""
+    starts, fallback, observed = some((filmed.starts, filmed.fallback, filmed.observed), frames)
+    found, sides, track = track_frames(
+        make_model(BODY), SEARCH, Tracking(), FPS, track,
+        lambda chosen: Proposed(some(starts, chosen), 0.5 + 0.01 * chosen), fallback, observed,
+    )  # fmt: skip
+    assert track.sides == sides[-1]
+    assert np.isfinite(found.cost).all()
+    return np.linalg.norm(joints_of(found.best) - filmed.joints[frames], axis=-1).max(-1), track
+
+
+def on_track(filmed: Filmed, frame: int, wrong: Pose) -> Track:
+    """A track that has been good for long, and is wrong now; the next search is as far away as can be."""
+    return Track(wrong, wrong, 0, np.full(30, 3.0))
+
+
+def test_a_walk_is_followed_over_the_edges_of_batches(filmed):
+    whole, _ = follow(filmed, slice(0, 12), None)
+    assert whole.max() < 0.08
+    _, track = follow(filmed, slice(0, 7), None)
+    later, track = follow(filmed, slice(7, 8), track)
+    assert later.max() < 0.08
+    assert track.since == 2  # searched in frame 0 and, a quarter of a second later, in frame 5
+    later, _ = follow(filmed, slice(8, 12), track)
+    assert later.max() < 0.08
+
+
+def test_starts_are_asked_for_only_where_it_is_searched_and_tell_the_sides_until_the_next(filmed):
+    asked: list[int] = []
+
+    def propose(chosen: np.ndarray) -> Proposed:
+        asked.extend(chosen.tolist())
+        return Proposed(some(filmed.starts, chosen), 0.6 + 0.01 * chosen)
+
+    given = some((filmed.fallback, filmed.observed), slice(0, 9))
+    track = Track(some(filmed.truth, 0), some(filmed.truth, 0), 2, np.full(30, 3.0), 0.9)
+    _, sides, _ = track_frames(make_model(BODY), SEARCH, Tracking(), FPS, track, propose, *given)
+    assert asked == [3]  # every sixth frame, and two have gone by
+    np.testing.assert_allclose(sides, [0.9] * 3 + [0.63] * 6)
+
+
+def test_wrong_arms_are_right_again_at_the_next_frame(filmed):
+    wrong = some(filmed.truth, 0)
+    rotations = np.array(wrong.rotations)
+    up = Rotation.from_euler("y", 170, degrees=True).as_matrix()
+    for name in ("upper_arm", "forearm", "hand"):
+        for side in ("l_", "r_"):
+            rotations[SEGMENT_NAMES.index(side + name)] = up @ rotations[SEGMENT_NAMES.index(side + name)]
+    wrong = Pose(wrong.root, rotations)
+    assert np.linalg.norm(joints_of(some(wrong, None))[0] - filmed.joints[0], axis=-1).max() > 0.5
+    error, _ = follow(filmed, slice(1, 4), on_track(filmed, 0, wrong))
+    assert error.max() < 0.08
+
+
+def test_a_body_facing_backwards_is_turned_within_half_a_second(filmed):
+    right = some(filmed.truth, 0)
+    back = Rotation.from_euler("z", 180, degrees=True).as_matrix()
+    wrong = Pose(np.asarray(right.root), back @ np.asarray(right.rotations))
+    error, _ = follow(filmed, slice(1, FRAMES), on_track(filmed, 0, wrong))
+    assert error[int(FPS / 2) - 1 :].max() < 0.08
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_path_is_the_cheapest_of_all(seed):
+    rng = np.random.default_rng(seed)
+    frames, margin = 6, 0.7
+    costs = rng.uniform(0, 1, (frames, 2))
+    places = rng.normal(size=(frames, 2, 3, 3))
+    together = rng.random(frames) < 0.4
+    places[together, 1] = places[together, 0] + 0.01
+
+    def total(path: tuple[int, ...]) -> float:
+        jumps = sum(path[i] != path[i + 1] and not together[i] for i in range(frames - 1))
+        return sum(costs[i, track] for i, track in enumerate(path)) + margin * jumps
+
+    best = min(itertools.product((0, 1), repeat=frames), key=total)
+    assert total(tuple(cheapest_path(costs, places, margin))) == pytest.approx(total(best))
+
+
+def test_a_path_that_starts_far_from_the_last_pose_pays_for_it():
+    places = np.zeros((1, 2, 1, 3))
+    places[0, 1] = 1.0
+    costs = np.array([[1.0, 0.5]])
+    assert cheapest_path(costs, places, 2.0).tolist() == [1]
+    assert cheapest_path(costs, places, 2.0, start=np.zeros((1, 3))).tolist() == [0]

@@ -1,0 +1,36 @@
+"""The command line, in this process or in one of its own."""
+
+import io
+import os
+import subprocess
+import sys
+from contextlib import chdir, redirect_stderr, redirect_stdout
+from pathlib import Path
+from unittest.mock import patch
+
+import jaxtyping
+
+from jaxskel.cli._app import main
+
+
+def jaxskel(*arguments: object, cwd: Path) -> subprocess.CompletedProcess:
+    """In this process, which has compiled everything already; as for a user, shapes are not checked."""
+    command = ["jaxskel", *map(str, arguments)]
+    out, err, code = io.StringIO(), io.StringIO(), 0
+    unchecked = patch.object(jaxtyping.config, "jaxtyping_disable", True)
+    # What tests compile with their checks of shapes is not for the user's cache.
+    uncached = patch.dict("os.environ", JAXSKEL_NO_CACHE="1")
+    with unchecked, uncached, chdir(cwd), patch("sys.argv", command), redirect_stdout(out), redirect_stderr(err):
+        try:
+            main()
+        except SystemExit as end:
+            code = end.code or 0
+    return subprocess.CompletedProcess(command, code, out.getvalue(), err.getvalue())
+
+
+def by_itself(*arguments: object, cwd: Path, **environment: str) -> subprocess.CompletedProcess:
+    """In a process of its own, as a user's."""
+    command = [sys.executable, "-c", "from jaxskel.cli import main; main()", *map(str, arguments)]
+    known = os.environ | {"JAXSKEL_NO_CACHE": "1"} | environment
+    known.pop("JAX_COMPILATION_CACHE_DIR", None)
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300, env=known)

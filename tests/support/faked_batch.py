@@ -1,0 +1,47 @@
+"""A recording whose poses are random numbers instead of a reconstruction: for tests of what is around one."""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jaxskel import Recording
+from jaxskel.batch import Source
+from jaxskel.batch import _one as one
+from jaxskel.io.recordings import write_recording
+from jaxskel.synthetic import camera_ring, make_scene
+from support.random_poses import some_poses, some_track
+
+
+class Killed(BaseException):
+    """As if the process ended here: nothing of the package handles it."""
+
+
+@cache
+def _walk() -> Recording:
+    return make_scene(70, cameras=camera_ring(3, size=(64, 48)))
+
+
+def fake(patch: pytest.MonkeyPatch) -> list[int]:
+    """Have poses be told by their frames' numbers; returns where batches started, which grows."""
+    batches = []
+
+    def batches_from(first, track, recording, settings, prepared):
+        for start in range(first, len(recording), 32):
+            assert (None if start == 0 else start) == (track and track.since)
+            batches.append(start)
+            count = min(32, len(recording) - start)
+            track = some_track(start + count)
+            poses = some_poses(start, count)
+            yield replace(poses, status=poses.status * 0, tips=np.ones_like(poses.tips)), track
+
+    patch.setattr(one, "prepare", lambda recording, settings: None)
+    patch.setattr(one, "batches_from", batches_from)
+    return batches
+
+
+def faked_source(folder: Path, name: str = "walk") -> Source:
+    write_recording(folder / f"{name}.npz", _walk())
+    return Source(name, folder / f"{name}.npz")

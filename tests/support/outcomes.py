@@ -1,0 +1,29 @@
+"""What became of reading a file."""
+
+from pathlib import Path
+
+import pytest
+
+from support.readers import READERS
+
+
+def outcome(path: Path, reader: str, folder: Path) -> str | None:
+    """What a reader says to files; nothing where they are valid."""
+    try:
+        found = READERS[reader].read(path)
+        READERS[reader].check(found)
+    except ValueError as error:
+        refusal = error
+    else:
+        return None
+    assert type(refusal) is ValueError, repr(refusal)
+    told = str(refusal)
+    assert len(told.splitlines()) == 1, told
+    assert len(told) < 5000, told
+    assert told.startswith(str(folder)), told
+    return told
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("fuzz")

@@ -1,0 +1,23 @@
+"""Poses and tracks of random numbers."""
+
+import numpy as np
+
+from jaxskel import Pose, Poses
+from jaxskel.search import Track
+
+
+def some_poses(first: int, count: int) -> Poses:
+    random = np.random.default_rng(first)
+    return Poses(
+        joints=random.normal(size=(count, 15, 3)).astype(np.float32),
+        tips=np.full((count, 5, 3), np.nan, np.float32),
+        confidence=random.random((count, 15)).astype(np.float32),
+        side_confidence=random.random(count).astype(np.float32),
+        status=random.integers(0, 9, count), fps=30.0, up="+Y", frame_index=np.arange(first, first + count),
+    )  # fmt: skip
+
+
+def some_track(number: int) -> Track:
+    random = np.random.default_rng(number)
+    last, before = (Pose(random.normal(size=3).astype(np.float32), random.normal(size=(17, 3, 3))) for _ in range(2))
+    return Track(last, before, number, random.normal(size=number), 0.7)

@@ -1,0 +1,55 @@
+"""A small recording with poses near its truth, which the tests of the report share, and what a page of it holds."""
+
+import base64
+import json
+import re
+
+import equinox as eqx
+import numpy as np
+from support.phantoms import ring
+
+from jaxskel import Poses, Recording
+from jaxskel.poses import Status
+from jaxskel.synthetic import make_scene
+
+FRAMES = 12
+LOST = 4
+"""The frame without a pose."""
+
+
+def filmed() -> Recording:
+    """Four views, the first through a lens that bends lines, in frames numbered from 100; poses differ widely."""
+    cameras = ring(4, size=(200, 160), focal=120.0)
+    dist = np.zeros((4, 8))
+    dist[0, :4] = -0.5, 0.1, 0.01, -0.01
+    cameras = eqx.tree_at(lambda c: c.dist, cameras, dist)
+    scene = make_scene(5 * FRAMES, cameras=cameras)[::5]
+    return eqx.tree_at(lambda r: r.frame_index, scene, np.arange(FRAMES) + 100)
+
+
+def poses_of(recording: Recording) -> Poses:
+    """The truth, a few millimetres off, with a frame that has no pose and one that has not converged."""
+    assert recording.truth is not None
+    assert recording.truth.tips is not None
+    n, noise = len(recording), np.random.default_rng(3)
+    joints = recording.truth.joints + noise.normal(0, 0.005, recording.truth.joints.shape)
+    tips, confidence = recording.truth.tips.copy(), noise.uniform(0.2, 1, (n, 15))
+    status = np.full(n, Status.OK)
+    joints[LOST], tips[LOST], confidence[LOST], status[LOST] = np.nan, np.nan, 0, Status.SEVERAL_PEOPLE
+    status[LOST + 2] = Status.NOT_CONVERGED
+    return Poses(
+        joints=joints.astype(np.float32), tips=tips.astype(np.float32), confidence=confidence.astype(np.float32),
+        side_confidence=noise.uniform(0.5, 1, n).astype(np.float32), status=status, fps=recording.fps,
+        up=recording.up, frame_index=recording.frame_index,
+    )  # fmt: skip
+
+
+def numbers_in(page: str) -> dict:
+    """What the scripts of a page read."""
+    found = re.findall(r'<script type="application/json" id="data">(.*?)</script>', page, re.S)
+    assert len(found) == 1
+    return json.loads(found[0])
+
+
+def unpacked(text: str, kind: str, *shape: int) -> np.ndarray:
+    return np.frombuffer(base64.b64decode(text), kind).reshape(shape)
