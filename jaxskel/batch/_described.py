@@ -28,5 +28,5 @@ def described(value: Any) -> Any:
 
 def _name(value: Any) -> str:
     # What is of this package is named without its place: it may move, and is still the same.
-    ours = value.__module__.partition(".")[0] == __package__.partition(".")[0]
+    ours = value.__module__.partition(".")[0] == __name__.partition(".")[0]
     return value.__qualname__ if ours else f"{value.__module__}.{value.__qualname__}"
