@@ -47,12 +47,12 @@ def scipy_refinement(
     """MINPACK's Levenberg-Marquardt, frame by frame, residual and Jacobian jitted; gives what each frame costs."""
 
     def residual(unknowns: jax.Array, base: Pose, frame: Observed, fixed: dict) -> jax.Array:
-        body = place(skeleton, parametrisation.moved(unknowns, base, skeleton))
+        body = place(skeleton, parametrisation.retract(unknowns, base, skeleton))
         return ravel_pytree(objective.residuals(body, frame, fixed))[0]
 
     value, jacobian = jax.jit(residual), jax.jit(jax.jacfwd(residual))
     correspond = jax.jit(lambda pose, frame: objective.correspond(place(skeleton, pose), frame))
-    moved = jax.jit(lambda unknowns, base: parametrisation.moved(unknowns, base, skeleton))
+    moved = jax.jit(lambda unknowns, base: parametrisation.retract(unknowns, base, skeleton))
     cost = jax.jit(lambda pose, frame: sum(objective.costs(place(skeleton, pose), frame).values(), jnp.zeros(())))
     zeros = np.asarray(parametrisation.unknowns())
 

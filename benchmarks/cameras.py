@@ -24,7 +24,7 @@ from jaxtyping import Int
 from jaxskel import Cameras, Recording, make_cameras, read_recording, refine_cameras, unpack_silhouettes
 from jaxskel.cameras import compare_rigs, project
 from jaxskel.hull import carve, place_grid, projection_table
-from jaxskel.recording import lost_views, silhouette_areas
+from jaxskel.recording import find_empty_views, silhouette_areas
 
 TURN, SHIFT = np.radians(0.5), 0.010  # rad, m
 _SPACING = 0.017
@@ -52,14 +52,14 @@ def drawn_agreement(recording: Recording, frames: Int[np.ndarray, " some"]) -> f
     that even a perfect rig stays below 1.
     """
     cameras, silhouettes = recording.cameras, np.asarray(recording.silhouettes[frames])
-    lost = lost_views(silhouette_areas(silhouettes), cameras)
-    grid = place_grid(cameras, silhouettes, lost, _SPACING, 3)
+    empty_views = find_empty_views(silhouette_areas(silhouettes), cameras)
+    grid = place_grid(cameras, silhouettes, empty_views, _SPACING, 3)
     if grid is None:
         return 0.0
     height, width = silhouettes.shape[2], 8 * silhouettes.shape[3]
-    hulls = carve(silhouettes, projection_table(cameras, grid, height, width, 3), lost)
+    hulls = carve(silhouettes, projection_table(cameras, grid, height, width, 3), empty_views)
     found = []
-    for frame, view in zip(*np.nonzero(~lost), strict=True):
+    for frame, view in zip(*np.nonzero(~empty_views), strict=True):
         mask = unpack_silhouettes(silhouettes[frame, view], width)
         u, v, depth = (a[0] for a in project(cameras[[int(view)]], hulls.centres[hulls.inside[frame]]))
         drawn = np.zeros((height, width), np.uint8)

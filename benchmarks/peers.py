@@ -34,7 +34,7 @@ from _presets import PRESETS
 from _whole import start_up, throughput
 
 from jaxskel import paper_settings, prepare, read_recording, unpack_silhouettes
-from jaxskel._runtime.batching import single_precision, taken
+from jaxskel._runtime.batching import single_precision, take
 from jaxskel._runtime.cores import keep_to
 from jaxskel.graph import skeletal_graphs
 from jaxskel.hull import VisualHulls, carve, see_people
@@ -42,7 +42,7 @@ from jaxskel.matching import cost_matrices, describe_ends, labelled_limbs, templ
 from jaxskel.pipeline._evidence import observed_graph
 from jaxskel.pipeline._reconstruct import BATCH
 from jaxskel.refinement import refine_frames
-from jaxskel.refinement.solvers import LevenbergMarquardt
+from jaxskel.refinement.solvers import NormalEquationsLM
 from jaxskel.search import initial_poses
 
 STAGES = ("carve", "graph", "dtw", "refine", "whole")
@@ -126,13 +126,13 @@ class Bench:
         frames = np.resize(np.arange(len(limbs.paths)), 64)
         skeleton, objective = single_precision((self.prepared.skeleton, s.objective_for(self.prepared.body)))
         start = initial_poses(limbs, facing, skeleton)
-        initial, observed = single_precision(taken((start, observed_graph(limbs)), frames))
+        initial, observed = single_precision(take((start, observed_graph(limbs)), frames))
         ours = partial(
             refine_frames, objective, s.parametrisation, s.solver, skeleton, initial, observed, s.rounds, s.max_steps
         )
-        first, seen = taken(initial, np.arange(8)), taken(observed, np.arange(8))
+        first, seen = take(initial, np.arange(8)), take(observed, np.arange(8))
         contenders = [Contender("jaxskel", lambda: jax.block_until_ready(ours()), 64)]
-        assert isinstance(s.solver, LevenbergMarquardt)
+        assert isinstance(s.solver, NormalEquationsLM)
         rounds, ftol = s.rounds, s.solver.ftol
         scipy = partial(scipy_refinement, objective, s.parametrisation, skeleton, first, seen, rounds, ftol)
         self._peer(contenders, "SciPy LM, jitted", scipy, 8, 4)

@@ -4,7 +4,7 @@ import signal
 import jax
 import pytest
 
-from jaxskel._runtime.compile_cache import Kept
+from jaxskel._runtime.compile_cache import CachedJit
 
 # A shell that starts a job in the background lets it ignore interrupts, and all that the job starts.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -22,5 +22,5 @@ def no_more_programs_than_a_process_may_hold():
     """A compiled function maps pages of its own; a suite that keeps thousands meets the kernel's limit and aborts."""
     yield
     jax.clear_caches()
-    for kept in (thing for thing in gc.get_objects() if isinstance(thing, Kept)):
+    for kept in (thing for thing in gc.get_objects() if isinstance(thing, CachedJit)):
         kept.forget()

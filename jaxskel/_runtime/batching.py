@@ -35,7 +35,7 @@ def aligned(shape: tuple[int, ...], kind: Any = np.float32) -> np.ndarray:
     return memory[start : start + size].view(kind).reshape(shape)
 
 
-def taken(tree: Any, index: Int[np.ndarray, "*some"] | Bool[np.ndarray, "*all"]) -> Any:
+def take(tree: Any, index: Int[np.ndarray, "*some"] | Bool[np.ndarray, "*all"]) -> Any:
     """Some of a stack, in any order, also several times."""
     return jax.tree.map(lambda a: np.asarray(a)[index], tree)
 

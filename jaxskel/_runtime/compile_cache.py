@@ -41,7 +41,7 @@ _KNOWN = (str(__package__).partition(".")[0], *_LIBRARIES, "builtins", "copyreg"
 _SWITCHES = ("jax_enable_x64", "jax_default_matmul_precision", "jax_debug_nans", "jax_numpy_dtype_promotion")
 
 
-class Kept(Generic[P, R]):
+class CachedJit(Generic[P, R]):
     """A function, compiled as by `equinox.filter_jit`: arrays are traced, all else is static. It returns arrays only.
 
     It is `equinox.filter_jit` where JAX's persistent cache is off, where it is itself traced, and where what is static
@@ -145,9 +145,9 @@ class Kept(Generic[P, R]):
         return lambda leaves: jax.tree.unflatten(result, compiled(*leaves))
 
 
-def kept(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function and keep it, see [`Kept`][]."""
-    return cast(Callable[P, R], Kept(function))
+def cached_jit(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a function and keep it, see [`CachedJit`][]."""
+    return cast(Callable[P, R], CachedJit(function))
 
 
 @cache

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from .._runtime.compile_cache import kept
+from .._runtime.compile_cache import cached_jit
 from ._skeleton import (
     JOINT_NAMES,
     PIVOT_NAMES,
@@ -233,7 +233,7 @@ def place_body(
     return np.asarray(ends), np.asarray(body.radii)[body.links]
 
 
-@kept
+@cached_jit
 def place_joints(
     skeleton: Skeleton, pose: Pose
 ) -> tuple[Float[Array, "frames joints=15 3"], Float[Array, "frames tips=5 3"]]:
@@ -241,6 +241,6 @@ def place_joints(
     return jax.vmap(forward_kinematics, in_axes=(None, 0))(skeleton, pose)
 
 
-@kept
+@cached_jit
 def _origins(skeleton: Skeleton, pose: Pose) -> Float[Array, "frames segments=17 3"]:
     return jax.vmap(lambda one: place_segments(skeleton, one)[2])(pose)

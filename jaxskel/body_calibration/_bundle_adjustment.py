@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._runtime.batching import single_precision
-from .._runtime.compile_cache import kept
+from .._runtime.compile_cache import cached_jit
 from ..body import LENGTH_NAMES, LINKS, Body, Pose, Prior, Shape, Skeleton, ball_centres, shaped_body
 from ..refinement.parametrisations import HingedLimbs
 from ..refinement.terms import (
@@ -156,7 +156,7 @@ def normal_equations(
     return matrix, np.tensordot(linear.vector, ends, 2) - linear.rows.T @ linear.residuals
 
 
-@kept
+@cached_jit
 def linearised(
     template: Skeleton,
     shape: Shape,
@@ -183,7 +183,7 @@ def _linearised(
     quadrics = contour_quadrics(contours, placed, observed) + inside_quadrics(inside, placed, observed)
     fixed = _others(body).correspond(placed, observed)
 
-    def moved(unknowns: Float[Array, " unknowns"]) -> tuple[Float[Array, "balls 4"], Float[Array, " rows"]]:
+    def retract(unknowns: Float[Array, " unknowns"]) -> tuple[Float[Array, "balls 4"], Float[Array, " rows"]]:
         body = shaped_body(template, Shape.of(unknowns[_POSE:]))
         placed = place(body.skeleton, _HINGED.nearby(unknowns[:_POSE], pose, body.skeleton))
         centres = jnp.asarray(ball_centres(body, placed.origins, placed.rotations))
@@ -194,7 +194,7 @@ def _linearised(
         return balls, jnp.concatenate([row.ravel() for row in rows.values()])
 
     own = jnp.concatenate([jnp.ravel(part) for part in (shape.lengths, shape.fingers, shape.balls)])
-    (_, residuals), tangent = jax.linearize(moved, jnp.concatenate([_HINGED.unknowns(), own]))
+    (_, residuals), tangent = jax.linearize(retract, jnp.concatenate([_HINGED.unknowns(), own]))
     balls, rows = jax.vmap(tangent, out_axes=-1)(jnp.eye(_POSE + len(own)))
     return Linear(quadrics.matrix, quadrics.vector, balls, residuals, rows)
 
@@ -205,7 +205,7 @@ def _others(body: Body) -> Objective:
     return eqx.tree_at(lambda o: o.terms["rest"].weight, Objective(terms), _REST * terms["rest"].weight)
 
 
-@kept
+@cached_jit
 def _turned(template: Skeleton, shape: Shape, poses: Pose, unknowns: Float[Array | np.ndarray, "frames n"]) -> Pose:
     skeleton = shaped_body(template, shape).skeleton
-    return jax.vmap(lambda pose, own: _HINGED.moved(own, pose, skeleton))(poses, unknowns)
+    return jax.vmap(lambda pose, own: _HINGED.retract(own, pose, skeleton))(poses, unknowns)

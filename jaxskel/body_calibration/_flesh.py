@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from .._runtime.batching import on_device, single_precision, taken
-from .._runtime.compile_cache import kept
+from .._runtime.batching import on_device, single_precision, take
+from .._runtime.compile_cache import cached_jit
 from ..body import (
     BALL_NAMES,
     BALL_SIDES,
@@ -72,8 +72,8 @@ def calibrate_flesh(
     search = search or Search()
     found = solve_frames(make_model(body), search, starts, fallback, observed)
     used = np.flatnonzero(found.cost[:, 0] <= np.quantile(found.cost[:, 0], _USED))
-    poses, outlines = jax.tree.map(lambda a: a[used, :1], found.poses), taken(observed.contours, used)
-    stack = on_device(taken(observed.seen_only(), used))
+    poses, outlines = jax.tree.map(lambda a: a[used, :1], found.poses), take(observed.contours, used)
+    stack = on_device(take(observed.seen_only(), used))
     costs = np.zeros(1)
     for _ in range(_ROUNDS):
         body = _updated(body, jax.tree.map(lambda a: a[:, 0], poses), outlines)
@@ -108,7 +108,7 @@ def _updated(body: Body, poses: Pose, outlines: Contours) -> Body:
     return Body(body.skeleton, body.segments, offsets, radii, body.links)
 
 
-@kept
+@cached_jit
 def _nearest(
     body: Body, poses: Pose, outlines: Contours
 ) -> tuple[

@@ -12,7 +12,7 @@ from .._runtime.picture_files import PICTURES, write_image
 from ..hull import VisualHulls, VoxelGrid, agreement, carve, reproject
 from ..io.recordings import read_recording
 from ..pipeline import HullSettings, Prepared, prepare
-from ..recording import Recording, lost_views, silhouette_areas, unpack_silhouettes
+from ..recording import Recording, find_empty_views, silhouette_areas, unpack_silhouettes
 from ..verdict import Severity, Verdict, judge
 from ..visualization import draw_box, draw_hull, draw_silhouette, tile
 from ._outputs import chosen_file, files_of
@@ -68,8 +68,8 @@ def _draw(recording: Recording, prepared: Prepared, verdict: Verdict, drawn: int
     cameras, grid = prepared.cameras, prepared.table.grid
     chosen = np.unique(np.append(np.linspace(0, len(recording) - 1, _FRAMES).astype(int), drawn))
     sils = np.asarray(recording.silhouettes[chosen])
-    lost = lost_views(silhouette_areas(sils), cameras)
-    hulls = carve(sils, prepared.table, lost, prepared.max_misses)
+    empty_views = find_empty_views(silhouette_areas(sils), cameras)
+    hulls = carve(sils, prepared.table, empty_views, prepared.max_misses)
     width = 8 * sils.shape[3]
     results, images = [], []
     for i, number in enumerate(chosen):
@@ -84,31 +84,31 @@ def _draw(recording: Recording, prepared: Prepared, verdict: Verdict, drawn: int
                 draw_box(image, cameras, c, grid)
                 images.append(image)
     coverage, spill = (np.array([getattr(r, k) for r in results]) for k in ("coverage", "spill"))
-    coverage[lost], spill[lost] = np.nan, np.nan
+    coverage[empty_views], spill[empty_views] = np.nan, np.nan
     labels = [
         f"{name}: {100 * share:.1f} % covered" if np.isfinite(share) else f"{name}: no person"
         for name, share in zip(cameras.names, coverage[list(chosen).index(drawn)], strict=True)
     ]
     write_image(output, tile(images, labels, columns=min(5, len(images))))
-    Console().print(_table(cameras.names, coverage, spill, lost, verdict))
+    Console().print(_table(cameras.names, coverage, spill, empty_views, verdict))
     say(_describe(recording, grid, hulls, verdict))
 
 
 def _table(
-    names: tuple[str, ...], coverage: np.ndarray, spill: np.ndarray, lost: np.ndarray, verdict: Verdict
+    names: tuple[str, ...], coverage: np.ndarray, spill: np.ndarray, empty_views: np.ndarray, verdict: Verdict
 ) -> Table:
-    table = Table(title=f"hull and silhouettes in {len(lost)} frames")
+    table = Table(title=f"hull and silhouettes in {len(empty_views)} frames")
     for column in ("view", "covered %", "worst %", "spill %", "misfit mm", "without person"):
         table.add_column(column, justify="left" if column == "view" else "right")
     for c, name in enumerate(names):
-        there = ~lost[:, c]
+        there = ~empty_views[:, c]
         figures = ["-"] * 3
         if there.any():
             values = (np.median(coverage[there, c]), coverage[there, c].min(), np.median(spill[there, c]))
             figures = [f"{100 * value:.1f}" for value in values]
         misfit = np.nan if verdict.misfit is None else 1e3 * verdict.misfit[c]
         told = f"{misfit:.1f}" if np.isfinite(misfit) else "-"
-        table.add_row(cell(name), *figures, told, str(int(lost[:, c].sum())))
+        table.add_row(cell(name), *figures, told, str(int(empty_views[:, c].sum())))
     return table
 
 

@@ -65,9 +65,9 @@ def _scoop(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[Skelet
     frames = np.arange(len(hulls))
     start = np.asarray(hulls.grid.origin) + hulls.grid.spacing * (hulls.voxels[roots] + 0.5)
     nodes = _Nodes(frames, start, hulls.grid.spacing)
-    wave.close(seeds)
+    wave.mark_visited(seeds)
     reached, owners = wave.seen(seeds, frames)
-    wave.close(reached)
+    wave.mark_visited(reached)
     while len(reached):
         labels, parents = _ranked(wave.components(reached, owners), owners)
         made, radius = nodes.place(cells, reached.take(stable_order(labels)), np.bincount(labels), parents)
@@ -82,9 +82,9 @@ def _scoop(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[Skelet
             near, beyond = (~far).nonzero()[0], far.nonzero()[0]
             later.append((front.take(beyond), owners.take(beyond)))
             front, owners = front.take(near), owners.take(near)
-            wave.close(front)
+            wave.mark_visited(front)
             nodes.hold(front, owners)
-        reached, owners = wave.close_first(*(np.concatenate(arrays) for arrays in zip(*later, strict=True)))
+        reached, owners = wave.mark_visited_first(*(np.concatenate(arrays) for arrays in zip(*later, strict=True)))
     nodes.move_ends(cells)
     return nodes.graphs(len(hulls))
 

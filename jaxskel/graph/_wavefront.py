@@ -25,7 +25,7 @@ class Wave:
         self._mention = np.empty(len(self._open), np.uint16)
         self._number = np.zeros(len(self._open), np.int32)
 
-    def close(self, cells: Int[np.ndarray, " n"]) -> None:
+    def mark_visited(self, cells: Int[np.ndarray, " n"]) -> None:
         """The wave has reached them."""
         self._open[cells] = 0
 
@@ -52,12 +52,12 @@ class Wave:
         for start in range(0, len(cells), _AT_ONCE):
             part = slice(start, start + _AT_ONCE)
             found.append(self.seen(cells[part], owners[part]))
-            self.close(found[-1][0])  # who comes later does not see them again
+            self.mark_visited(found[-1][0])  # who comes later does not see them again
         seen, whose = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
         self._open[seen] = self._codes.take(seen)
         return seen, whose
 
-    def close_first(
+    def mark_visited_first(
         self, cells: Int[np.ndarray, " n"], owners: Int[np.ndarray, " n"]
     ) -> tuple[Int[np.ndarray, " open"], Int[np.ndarray, " open"]]:
         """Close those of some cells that are open, by owner; of several mentions of a cell the first counts."""
@@ -68,7 +68,7 @@ class Wave:
             some = cells[start : start + len(_UP)]
             still = (self._open.take(some) != 0).nonzero()[0]
             still = still.take(self._first(some.take(still)))
-            self.close(some.take(still))
+            self.mark_visited(some.take(still))
             kept.append(start + still)
         index = np.concatenate(kept)
         return cells.take(index), owners.take(index)

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int, UInt32
 
-from .._runtime.compile_cache import kept
+from .._runtime.compile_cache import cached_jit
 from ._frame_bits import ALL_FRAMES, CELL, in_place
 
 EDGE = 4
@@ -121,7 +121,7 @@ def find_footprints(pixels: Int[np.ndarray, "blocks inner"], height: int, width:
     return found
 
 
-@kept
+@cached_jit
 def pooled(
     words: UInt32[Array, "cams rows columns"],
     corner: Int[Array | np.ndarray, "cams 2"],

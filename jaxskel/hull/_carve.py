@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Int, UInt8, UInt32
 
-from .._runtime.compile_cache import kept
+from .._runtime.compile_cache import cached_jit
 from ._blocks import INNER, SomeBlocks, count_blocks, in_grid_order, pooled
 from ._frame_bits import ALL_FRAMES, FRAMES_PER_WORD, Windows, cut_windows, frame_words, frames_of, listed, places_of
 from ._projection_table import ProjectionTable
@@ -19,7 +19,7 @@ from ._visual_hulls import VisualHulls
 _AT_ONCE = 1 << 9  # blocks
 
 
-@kept
+@cached_jit
 def _carve_blocks(
     words: UInt32[Array, "cams places"], footprints: Int[Array, "cams blocks"], max_misses: int
 ) -> UInt32[Array, " blocks"]:
@@ -27,7 +27,7 @@ def _carve_blocks(
     return _carved(lambda camera: _at(words[camera], footprints[camera]), words.shape[0], max_misses)
 
 
-@kept
+@cached_jit
 def _carve_some(
     words: UInt32[Array, "cams places"],
     corner: Int[Array | np.ndarray, "cams 2"],
@@ -91,7 +91,7 @@ def _carve_word(windows: Windows, table: ProjectionTable, max_misses: int) -> So
 def carve(
     silhouettes: UInt8[np.ndarray, "frames cams h w8"],
     table: ProjectionTable,
-    lost: Bool[np.ndarray, "frames cams"] | None = None,
+    empty_views: Bool[np.ndarray, "frames cams"] | None = None,
     max_misses: int = 0,
 ) -> VisualHulls:
     """Carve the visual hulls of some frames.
@@ -99,17 +99,17 @@ def carve(
     Args:
         silhouettes: Packed bits, 1 = person.
         table: From [`projection_table`][] for these cameras and image sizes.
-        lost: Views that carve nothing in a frame, such as a black one.
+        empty_views: Views that carve nothing in a frame, such as a black one.
         max_misses: k-of-n voting: a voxel stays while at most this many of the cameras that see it miss it.
 
     Returns:
         The occupied voxels of every frame.
     """
     frames, cams = silhouettes.shape[:2]
-    lost = np.zeros((frames, cams), bool) if lost is None else lost
+    empty_views = np.zeros((frames, cams), bool) if empty_views is None else empty_views
     found = []
     for start in range(0, frames, FRAMES_PER_WORD):
-        part, gone = silhouettes[start : start + FRAMES_PER_WORD], lost[start : start + FRAMES_PER_WORD]
+        part, gone = silhouettes[start : start + FRAMES_PER_WORD], empty_views[start : start + FRAMES_PER_WORD]
         # A full word always, so that a shorter last batch does not compile again; the bits of the rest are no one's.
         missing = FRAMES_PER_WORD - len(part)
         if missing:

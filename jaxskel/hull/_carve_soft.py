@@ -40,7 +40,7 @@ def carve_soft(
         Occupancy of the points, from 0 to 1.
     """
     seen, distance = distances.seen_at(jnp.asarray(points))
-    known = seen & ~distances.lost[:, None]
+    known = seen & ~distances.empty_views[:, None]
     # What is not known is taken out before the division, so that it has no gradient at all.
     z = jnp.where(known, distance, 0.0) / temperature
     hits = jnp.where(known, jax.nn.log_sigmoid(-z), 0.0)

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Int, UInt8, UInt32
 
 from .._runtime.batching import step_above
-from .._runtime.compile_cache import kept
+from .._runtime.compile_cache import cached_jit
 from .._runtime.materialise import computed_once
 
 FRAMES_PER_WORD = 32
@@ -32,7 +32,9 @@ class Windows(NamedTuple):
     """The word of all other pixels: ones in the frames in which the view is lost, so that it carves nothing."""
 
 
-def cut_windows(packed: UInt8[np.ndarray, "frames=32 cams h w8"], lost: Bool[np.ndarray, "frames=32 cams"]) -> Windows:
+def cut_windows(
+    packed: UInt8[np.ndarray, "frames=32 cams h w8"], empty_views: Bool[np.ndarray, "frames=32 cams"]
+) -> Windows:
     """Cut windows of the same size out of the images of all cameras; they may jut out at the bottom."""
     height, width = packed.shape[2:]
     some = np.bitwise_or.reduce(packed, 0)
@@ -47,11 +49,11 @@ def cut_windows(packed: UInt8[np.ndarray, "frames=32 cams h w8"], lost: Bool[np.
     for camera, (top, left) in enumerate(corner):
         part = packed[:, camera, top : top + rows, left : left + columns]
         windows[:, camera, : part.shape[1]] = part
-    blank = np.left_shift(lost.astype(np.uint32), np.arange(FRAMES_PER_WORD, dtype=np.uint32)[:, None])
+    blank = np.left_shift(empty_views.astype(np.uint32), np.arange(FRAMES_PER_WORD, dtype=np.uint32)[:, None])
     return Windows(windows, corner, np.bitwise_or.reduce(blank, 0))
 
 
-@kept
+@cached_jit
 def frame_words(windows: Windows) -> UInt32[Array, "cams rows columns"]:
     """Turn the packed bits of 32 frames into one word a pixel."""
     cams, rows, columns = windows.packed.shape[1:]
@@ -66,7 +68,7 @@ def frame_words(windows: Windows) -> UInt32[Array, "cams rows columns"]:
     return (jnp.stack(words, -1) | blank[:, None, None]).reshape(cams, rows, 8 * columns)
 
 
-@kept
+@cached_jit
 def listed(
     words: UInt32[Array, "cams rows columns"], blank: UInt32[Array | np.ndarray, " cams"]
 ) -> UInt32[Array, "cams places"]:

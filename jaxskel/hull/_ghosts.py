@@ -19,7 +19,7 @@ def explains_silhouettes(
     body: Bool[np.ndarray, " n"],
     silhouettes: UInt8[np.ndarray, "cams h w8"],
     cameras: Cameras,
-    lost: Bool[np.ndarray, " cams"],
+    empty_views: Bool[np.ndarray, " cams"],
 ) -> bool:
     """Whether one body of a hull alone covers what the whole hull covers of the silhouettes.
 
@@ -32,7 +32,7 @@ def explains_silhouettes(
         body: Which voxels of the hulls belong to the body.
         silhouettes: Of that frame, packed.
         cameras: In the hulls' world.
-        lost: Views that show no person.
+        empty_views: Views that show no person.
     """
     masks = unpack_silhouettes(silhouettes, 8 * silhouettes.shape[2])
     alone = VisualHulls(hulls.voxels, body[None], hulls.grid)
@@ -40,4 +40,4 @@ def explains_silhouettes(
         reproject(part, number, cameras, *masks.shape[1:]) & masks for part, number in ((hulls, frame), (alone, 0))
     )
     areas = np.maximum(masks.sum((1, 2)), 1)
-    return bool((((covered & ~by_body).sum((1, 2)) / areas)[~lost] < _OWN_SHARE).all())
+    return bool((((covered & ~by_body).sum((1, 2)) / areas)[~empty_views] < _OWN_SHARE).all())

@@ -25,7 +25,7 @@ _LEAST_VOLUME = 0.004  # smaller lumps are noise, not people (m^3)
 def place_grid(
     cameras: Cameras,
     silhouettes: Silhouettes,
-    lost: Bool[np.ndarray, "frames cams"],
+    empty_views: Bool[np.ndarray, "frames cams"],
     spacing: float,
     min_views: int,
     max_misses: int = 0,
@@ -38,7 +38,7 @@ def place_grid(
     Args:
         cameras: The rig, in a world with z up.
         silhouettes: Packed bits of all frames; up to 96 of them are looked at.
-        lost: Views that show no person.
+        empty_views: Views that show no person.
         spacing: Edge length of a voxel (m).
         min_views: A voxel must be seen by so many cameras.
         max_misses: Tolerance of the carving.
@@ -46,17 +46,17 @@ def place_grid(
     Returns:
         The grid, or None where no frame has a hull of a person's size.
     """
-    usable = np.flatnonzero((~lost).sum(1) >= MIN_VIEWS)
+    usable = np.flatnonzero((~empty_views).sum(1) >= MIN_VIEWS)
     if len(usable) == 0:
         return None
     chosen = usable[np.unique(np.linspace(0, len(usable) - 1, _MAX_FRAMES).astype(int))]
     margin = _MARGIN if len(chosen) == len(usable) else _SAMPLED_MARGIN
-    silhouettes, lost = silhouettes[chosen], lost[chosen]
-    middles = body_middles(cameras, silhouettes, lost)
-    margin = max(margin, _MARGIN_PIXELS * _pixel_size(cameras, middles, lost))
+    silhouettes, empty_views = silhouettes[chosen], empty_views[chosen]
+    middles = body_middles(cameras, silhouettes, empty_views)
+    margin = max(margin, _MARGIN_PIXELS * _pixel_size(cameras, middles, empty_views))
     coarse = make_grid(middles.min(0) - _REACH, middles.max(0) + _REACH, min(_COARSE * spacing, _COARSEST))
     height, width = silhouettes.shape[2], 8 * silhouettes.shape[3]
-    hulls = carve(silhouettes, projection_table(cameras, coarse, height, width, min_views), lost, max_misses)
+    hulls = carve(silhouettes, projection_table(cameras, coarse, height, width, min_views), empty_views, max_misses)
     bodies = bodies_among(hulls.voxels, coarse)
     voxels = hulls.voxels[bodies.sizes[bodies.voxels_of(0)] * coarse.spacing**3 >= _LEAST_VOLUME]
     if len(voxels) == 0:
@@ -68,24 +68,24 @@ def place_grid(
 
 
 def _pixel_size(
-    cameras: Cameras, middles: Float[np.ndarray, "frames 3"], lost: Bool[np.ndarray, "frames cams"]
+    cameras: Cameras, middles: Float[np.ndarray, "frames 3"], empty_views: Bool[np.ndarray, "frames cams"]
 ) -> float:
     """Width of a pixel at the person (m), of the camera that sees the person smallest, as a rule."""
     depths = np.einsum("ci,fi->fc", np.asarray(cameras.R)[:, 2], middles) + np.asarray(cameras.t)[:, 2]
-    sizes = np.where(lost | (depths <= 0), np.nan, depths / np.asarray(cameras.K)[:, 0, 0])
+    sizes = np.where(empty_views | (depths <= 0), np.nan, depths / np.asarray(cameras.K)[:, 0, 0])
     return float(np.nanmax(np.nanmedian(sizes[:, ~np.isnan(sizes).all(0)], axis=0), initial=0.0))
 
 
 def body_middles(
     cameras: Cameras,
     silhouettes: UInt8[np.ndarray, "frames cams h w8"],
-    lost: Bool[np.ndarray, "frames cams"],
+    empty_views: Bool[np.ndarray, "frames cams"],
 ) -> Float[np.ndarray, "frames 3"]:
     """The point nearest to the rays through the centroids of each frame's silhouettes (m)."""
     centroids = silhouette_centroids(silhouettes)
     directions = np.full((len(silhouettes), len(cameras), 3), np.nan)
     for c in range(len(cameras)):
-        there = ~lost[:, c]
+        there = ~empty_views[:, c]
         directions[there, c] = rays(cameras, c, centroids[there, c])
     across = np.eye(3) - directions[..., :, None] * directions[..., None, :]
     weight = np.isfinite(directions).all(-1).astype(float)

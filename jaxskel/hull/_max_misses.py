@@ -36,7 +36,7 @@ def most_misses(views: int) -> int:
 def judge_misses(
     cameras: Cameras,
     silhouettes: Silhouettes,
-    lost: Bool[np.ndarray, "frames cams"],
+    empty_views: Bool[np.ndarray, "frames cams"],
     min_views: int,
     box: Float[np.ndarray, "2 3"] | None = None,
 ) -> int:
@@ -49,30 +49,30 @@ def judge_misses(
     Args:
         cameras: The rig.
         silhouettes: Packed bits of all frames.
-        lost: Views that show no person; they neither vote nor are to be filled.
+        empty_views: Views that show no person; they neither vote nor are to be filled.
         min_views: So many cameras must see a voxel that may not be missed at all; for each miss, one more.
         box: Lower and upper corner of what to carve (m), in the cameras' world; by default around the silhouettes.
 
     Returns:
         0 where the silhouettes are consistent, otherwise up to `most_misses` of the views that a frame usually has.
     """
-    usable = np.flatnonzero((~lost).sum(1) >= MIN_VIEWS)
+    usable = np.flatnonzero((~empty_views).sum(1) >= MIN_VIEWS)
     if len(usable) == 0:
         return 0
     chosen = usable[np.unique(np.linspace(0, len(usable) - 1, _MAX_FRAMES).astype(int))]
-    silhouettes, lost = silhouettes[chosen], lost[chosen]
-    most = most_misses(int(np.median((~lost).sum(1))))
+    silhouettes, empty_views = silhouettes[chosen], empty_views[chosen]
+    most = most_misses(int(np.median((~empty_views).sum(1))))
     if most == 0:
         return 0
     if box is None:
-        middles = body_middles(cameras, silhouettes, lost)
+        middles = body_middles(cameras, silhouettes, empty_views)
         box = np.stack([middles.min(0) - _REACH, middles.max(0) + _REACH])
     grid = make_grid(box[0], box[1], _EDGE)
     table = projection_table(cameras, grid, silhouettes.shape[2], 8 * silhouettes.shape[3])
     filled = []
     for misses in range(most + 1):
-        hulls = carve(silhouettes, table.with_min_views(min_views + misses), lost, misses)
-        filled.append(float(np.nanmedian(filled_shares(hulls, silhouettes, lost, cameras, table))))
+        hulls = carve(silhouettes, table.with_min_views(min_views + misses), empty_views, misses)
+        filled.append(float(np.nanmedian(filled_shares(hulls, silhouettes, empty_views, cameras, table))))
         if filled[0] >= _FILLED:
             return 0  # and no share of what can be filled is larger: consistent masks need one carving only
     return int(np.argmax(np.array(filled) >= _FILLED * max(filled)))
@@ -81,7 +81,7 @@ def judge_misses(
 def filled_shares(
     hulls: VisualHulls,
     silhouettes: UInt8[np.ndarray, "frames cams h w8"],
-    lost: Bool[np.ndarray, "frames cams"],
+    empty_views: Bool[np.ndarray, "frames cams"],
     cameras: Cameras,
     table: ProjectionTable,
 ) -> Float[np.ndarray, "frames cams"]:
@@ -93,11 +93,11 @@ def filled_shares(
     height, width = silhouettes.shape[2], 8 * silhouettes.shape[3]
     pixels = table.pixels_at(hulls.voxels)
     points = hulls.centres
-    shares = np.full(lost.shape, np.nan)
+    shares = np.full(empty_views.shape, np.nan)
     for f in range(len(hulls)):
         masks = unpack_silhouettes(silhouettes[f], width)
         for c in range(len(cameras)):
-            if lost[f, c]:
+            if empty_views[f, c]:
                 continue
             drawn = hulls.inside[f] & (pixels[c] < table.unseen)
             side = _cell_side(cameras, c, points[drawn], hulls.grid.spacing) if drawn.any() else 1

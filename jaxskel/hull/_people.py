@@ -100,7 +100,7 @@ def shares_outside(hulls: VisualHulls, table: ProjectionTable) -> Float[np.ndarr
 
 
 def seen_whole(
-    hulls: VisualHulls, table: ProjectionTable, lost: Bool[np.ndarray, "frames cams"]
+    hulls: VisualHulls, table: ProjectionTable, empty_views: Bool[np.ndarray, "frames cams"]
 ) -> Bool[np.ndarray, " frames"]:
     """Whether enough views show a body from head to foot.
 
@@ -108,9 +108,9 @@ def seen_whole(
     look like limbs. Four whole views bound it; of four cameras or fewer, one view may be cut.
     """
     outside = shares_outside(hulls, table)
-    whole = ((outside < _CUT_SHARE) & ~lost).sum(1)
-    cut = ((outside >= _CUT_SHARE) & ~lost).any(1) | (outside > 1 - _CUT_SHARE).any(1)
-    return ~cut | (whole >= min(4, lost.shape[1] - 1))
+    whole = ((outside < _CUT_SHARE) & ~empty_views).sum(1)
+    cut = ((outside >= _CUT_SHARE) & ~empty_views).any(1) | (outside > 1 - _CUT_SHARE).any(1)
+    return ~cut | (whole >= min(4, empty_views.shape[1] - 1))
 
 
 def _judge(volumes: np.ndarray) -> Status:

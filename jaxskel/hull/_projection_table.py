@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._runtime.batching import step_above
-from .._runtime.compile_cache import kept
+from .._runtime.compile_cache import cached_jit
 from ..cameras import Cameras, project
 from ._blocks import INNER, blocks_of, count_blocks, find_footprints, nowhere, voxels_of
 from ._grid import VoxelGrid
@@ -112,7 +112,7 @@ def _real(shape: tuple[int, ...], blocks: int) -> Bool[np.ndarray, "blocks inner
     return real
 
 
-@kept
+@cached_jit
 def _pixels(
     cameras: Cameras, points: Float[Array | np.ndarray, "n 3"], height: int, width: int
 ) -> Int[Array, "cams n"]:

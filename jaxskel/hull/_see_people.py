@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 
 from ..cameras import Cameras
 from ..poses import Status
-from ..recording import MIN_VIEWS, lost_views, silhouette_areas
+from ..recording import MIN_VIEWS, find_empty_views, silhouette_areas
 from ._carve import carve
 from ._ghosts import explains_silhouettes
 from ._grid_placement import body_middles
@@ -32,7 +32,7 @@ class Seen(eqx.Module):
     """A `Status` for each frame of the batch; OK where there is a person."""
     frames: Int[np.ndarray, " people"]
     """The frames with a person, in order; hulls are of these."""
-    lost: Bool[np.ndarray, "frames cams"]
+    empty_views: Bool[np.ndarray, "frames cams"]
     """Views that show no person while others do."""
     hulls: VisualHulls | None
     """None where there is nothing to carve."""
@@ -56,28 +56,28 @@ def see_people(
         max_misses: Cameras that may see background at an occupied voxel.
         stopwatch: Told the stages ``carve`` and ``graph``.
     """
-    lost = lost_views(silhouette_areas(silhouettes), cameras)
-    views = (~lost).sum(1)
+    empty_views = find_empty_views(silhouette_areas(silhouettes), cameras)
+    views = (~empty_views).sum(1)
     enough = views >= MIN_VIEWS
     status = np.where(enough, Status.NO_HULL, np.where(views > 0, Status.TOO_FEW_VIEWS, Status.EMPTY))
     if table is None:
-        return Seen(status, np.zeros(0, int), lost, None)
+        return Seen(status, np.zeros(0, int), empty_views, None)
     with stopwatch("carve"):
-        hulls = carve(silhouettes, table, lost, max_misses)
+        hulls = carve(silhouettes, table, empty_views, max_misses)
     with stopwatch("graph"):
         people = find_people(
             hulls, edge, _CUT if max_misses else 0.0,
-            lambda f, body: explains_silhouettes(hulls, f, body, silhouettes[f], cameras, lost[f]),
+            lambda f, body: explains_silhouettes(hulls, f, body, silhouettes[f], cameras, empty_views[f]),
         )  # fmt: skip
         status[enough] = people.status[enough]
-        cut = ~seen_whole(people.hulls, table, lost)
+        cut = ~seen_whole(people.hulls, table, empty_views)
         status[(status == Status.OK) & cut] = Status.PARTLY_OUTSIDE
         frames = np.flatnonzero(status == Status.OK)
-    return Seen(status, frames, lost, people.hulls[frames])
+    return Seen(status, frames, empty_views, people.hulls[frames])
 
 
 def middles_of_people(
     seen: Seen, silhouettes: UInt8[np.ndarray, "frames cams h w8"], cameras: Cameras
 ) -> Float[np.ndarray, "people 3"]:
     """The middle of each person as the silhouettes alone say it (m)."""
-    return body_middles(cameras, silhouettes[seen.frames], seen.lost[seen.frames])
+    return body_middles(cameras, silhouettes[seen.frames], seen.empty_views[seen.frames])

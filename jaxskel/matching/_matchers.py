@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from .._runtime.batching import filled
-from .._runtime.compile_cache import kept
+from .._runtime.compile_cache import cached_jit
 from ..body import Skeleton
 from ..graph import MAX_ENDS
 from ._descriptors import EndNodes, template_ends
@@ -40,7 +40,7 @@ class Matcher(Protocol):
         ...
 
 
-@kept
+@cached_jit
 def cost_matrices(
     distances: Float[Array | np.ndarray, "frames ends ends"],
     count: Int[Array | np.ndarray, " frames"],
@@ -50,7 +50,7 @@ def cost_matrices(
     return _rows_with_rows(dtw, distances, count, template)
 
 
-@kept
+@cached_jit
 def soft_cost_matrices(
     distances: Float[Array | np.ndarray, "frames ends ends"],
     count: Int[Array | np.ndarray, " frames"],
@@ -135,7 +135,7 @@ def _candidates() -> Int[np.ndarray, "candidates labels=5"]:
 _CANDIDATES = _candidates()
 
 
-@kept
+@cached_jit
 def _best_candidate(distances, count, template, candidates) -> Int[Array, " frames"]:
     def one(d, n):
         # The hands' and feet's rows of D' are alike, so the sum falls apart into few distinct terms.

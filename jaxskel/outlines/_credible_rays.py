@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._runtime.batching import single_precision
-from .._runtime.compile_cache import kept
+from .._runtime.compile_cache import cached_jit
 from ._distances import SilhouetteDistances
 from ._rays import Contours
 
@@ -50,7 +50,7 @@ def credible(
     return jax.tree.map(lambda a: a[rows, chosen], outlines)
 
 
-@kept
+@cached_jit
 def _grazing(
     outlines: Contours, silhouettes: SilhouetteDistances, middle: Float[Array, "3"], deepest: Float[Array, ""]
 ) -> Bool[Array, " rays"]:

@@ -73,7 +73,7 @@ class SilhouetteDistances(eqx.Module):
         return seen, self._in_metres(seen, distance, depth)
 
     @property
-    def lost(self) -> Bool[Array, " cams"]:
+    def empty_views(self) -> Bool[Array, " cams"]:
         """Views of one frame that tell nothing, because they show no person."""
         values = jnp.asarray(self.values)
         return (values if self.frame is None else values[self.frame])[:, 0, 0] == _LOST
@@ -182,7 +182,7 @@ class SilhouetteDistances(eqx.Module):
 def silhouette_distances(
     silhouettes: UInt8[np.ndarray, "frames cams h w8"],
     cameras: Cameras,
-    lost: Bool[np.ndarray, "frames cams"],
+    empty_views: Bool[np.ndarray, "frames cams"],
     misses: int = 0,
 ) -> SilhouetteDistances:
     """Distances to the silhouettes of some frames.
@@ -190,7 +190,7 @@ def silhouette_distances(
     Args:
         silhouettes: Packed bits.
         cameras: The rig.
-        lost: Views that show no person; they tell nothing.
+        empty_views: Views that show no person; they tell nothing.
         misses: How many views may err, see `judge_misses`.
     """
     frames, views, height = silhouettes.shape[:3]
@@ -204,7 +204,7 @@ def silhouette_distances(
             rows, columns = -(-low // step), -(-right // step)
             own = values[frame, view]
             own[:] = _LOST  # also beyond an image that is smaller than others
-            if lost[frame, view]:
+            if empty_views[frame, view]:
                 continue
             own[:rows, :columns] = _FARTHEST
             if box is not None:

@@ -33,7 +33,7 @@ class Contours(eqx.Module):
 def contours(
     silhouettes: UInt8[np.ndarray, "frames cams h w8"],
     cameras: Cameras,
-    lost: Bool[np.ndarray, "frames cams"],
+    empty_views: Bool[np.ndarray, "frames cams"],
     count: int = RAYS,
 ) -> Contours:
     """Rays through the outlines of some frames' silhouettes, the same number from each view.
@@ -44,14 +44,14 @@ def contours(
     Args:
         silhouettes: Packed bits.
         cameras: The rig.
-        lost: Views that are left out.
+        empty_views: Views that are left out.
         count: Number of rays of a frame; where there are fewer points, some are given twice, and where there are none
             at all, all rays are NaN.
     """
     own = cameras.centres
     centres, directions = (np.full((len(silhouettes), count, 3), np.nan, np.float32) for _ in range(2))
     for frame, packed in enumerate(silhouettes):
-        which = _write_directions(directions[frame], packed, cameras, lost[frame])
+        which = _write_directions(directions[frame], packed, cameras, empty_views[frame])
         if which is not None:
             centres[frame] = own[which]
     return Contours(centres, directions)
@@ -61,13 +61,13 @@ def _write_directions(
     directions: Float[np.ndarray, "rays 3"],
     silhouettes: UInt8[np.ndarray, "cams h w8"],
     cameras: Cameras,
-    lost: Bool[np.ndarray, " cams"],
+    empty_views: Bool[np.ndarray, " cams"],
 ) -> Int[np.ndarray, " rays"] | None:
     """Fill in the rays of one frame, and tell the camera of each; None where there is no outline."""
     bent = cameras.bent
     views = []
     for camera, (packed, box) in enumerate(zip(silhouettes, person_boxes(silhouettes), strict=True)):
-        if box is None or lost[camera]:
+        if box is None or empty_views[camera]:
             continue
         width, height = cameras.size[camera]
         steps, seen = _steps_in(packed[:height], int(width), box), None

@@ -9,7 +9,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from .._runtime.batching import filled, on_device, single_precision, taken
+from .._runtime.batching import filled, on_device, single_precision, take
 from ..body import (
     JOINT_NAMES,
     LENGTH_NAMES,
@@ -141,9 +141,9 @@ def calibrate_body(
         adjusted = bundle_adjust(template, prior, shape, filled(found.best), stack.thinned(_SOME), used)
         shape, body = adjusted.shape, measured_body(template, adjusted.shape)
     on_stage(STAGES[5])
-    poses = taken(adjusted.poses, np.flatnonzero(used))
+    poses = take(adjusted.poses, np.flatnonzero(used))
     fitted = fit_poses(
-        single_precision(body), jax.tree.map(lambda a: a[:, None], poses), taken(sight.observed, used), _SCALES
+        single_precision(body), jax.tree.map(lambda a: a[:, None], poses), take(sight.observed, used), _SCALES
     )
     low, typical = np.quantile(fitted.cost[:, 0], (0.1, 0.5))
     still = {bone for bone in _TURNING if _turning(poses, body.skeleton, bone) < _TURNED}

@@ -25,7 +25,7 @@ def observed_volume(
     needs_hull: bool = False,
 ) -> Observed:
     """What graph, outlines and, on demand, the hull say: of the frames with a person, of whom there must be one."""
-    own = silhouettes[seen.frames], cameras, seen.lost[seen.frames]
+    own = silhouettes[seen.frames], cameras, seen.empty_views[seen.frames]
     # Carving is sparing with misses, which make a hull fat; here the outlines say how thin the body is.
     distances = silhouette_distances(*own, misses + 1 if misses else 0)
     outlines = contours(*own, 2 * RAYS if misses else RAYS)

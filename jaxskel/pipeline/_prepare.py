@@ -10,7 +10,7 @@ from ..body_calibration import calibrate_flesh
 from ..graph import SkeletalGraph
 from ..hull import FRAMES_PER_WORD, judge_misses, make_grid, observed_edge, place_grid, projection_table
 from ..matching import estimate_stature
-from ..recording import Recording, Silhouettes, lost_views, rotation_to_z_up, silhouette_areas
+from ..recording import Recording, Silhouettes, find_empty_views, rotation_to_z_up, silhouette_areas
 from ..search import graphless_poses, make_model, start_poses
 from ._observe_batch import observe_batch
 from ._prepared import Prepared
@@ -37,14 +37,14 @@ def prepare(recording: Recording, settings: Settings, *, calibrate: bool = True)
     cameras = recording.cameras.rotated(to_z_up)
     silhouettes = recording.silhouettes
     min_views = settings.hull.min_views or (3 if len(cameras) >= 6 else 2)
-    lost = lost_views(silhouette_areas(silhouettes), cameras)
+    empty_views = find_empty_views(silhouette_areas(silhouettes), cameras)
     box = None
     if settings.hull.box is not None:
         corners = settings.hull.box @ to_z_up.T  # the rotation only exchanges axes
         box = np.stack([corners.min(0), corners.max(0)])
     max_misses = settings.hull.max_misses
     if max_misses is None:
-        max_misses = judge_misses(cameras, silhouettes, lost, min_views, box)
+        max_misses = judge_misses(cameras, silhouettes, empty_views, min_views, box)
     elif max_misses > len(cameras) - min_views:
         raise ValueError(
             f"{recording.name}: max_misses (--max-misses) {max_misses}: at least {min_views} of {len(cameras)} cameras "
@@ -53,7 +53,7 @@ def prepare(recording: Recording, settings: Settings, *, calibrate: bool = True)
     if box is not None:
         grid = make_grid(box[0], box[1], settings.hull.spacing)
     else:
-        grid = place_grid(cameras, silhouettes, lost, settings.hull.spacing, min_views, max_misses)
+        grid = place_grid(cameras, silhouettes, empty_views, settings.hull.spacing, min_views, max_misses)
     table, edge = None, np.zeros((0, 0, 0), bool)
     if grid is not None:
         # A voxel that may be missed by some cameras must be seen by so many more.

@@ -50,7 +50,7 @@ def reconstruct_batch(
         status[good[start.plausible & ~refined.finite]] = Status.FAILED
         status[good[fitted & ~refined.converged]] = Status.NOT_CONVERGED
         done = good[fitted]
-        status[done[(status[done] == Status.OK) & seen.lost[done].any(1)]] = Status.VIEW_LOST
+        status[done[(status[done] == Status.OK) & seen.empty_views[done].any(1)]] = Status.VIEW_LOST
         back = prepared.to_z_up.T.astype(np.float32)
         joints[done], tips[done] = refined.joints[fitted] @ back.T, refined.tips[fitted] @ back.T
         confidence[done], sides[done] = start.confidence(refined)[fitted], start.sides[fitted]

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 from jaxtyping import Float, Int
 
-from .._runtime.batching import single_precision, taken
+from .._runtime.batching import single_precision, take
 from ..body import Body, Pose, Skeleton
 from ..recording import Recording
 from ..refinement.terms import Observed
@@ -62,7 +62,7 @@ def refinement_problem(
     truth = None if recording.truth is None else recording.truth.joints[chosen] @ prepared.to_z_up.T
     initial = _joined([start.poses for start in starts])
     # What was observed is filled up to whole batches.
-    observed = _joined([taken(start.observed, np.arange(len(start.poses.root))) for start in starts])
+    observed = _joined([take(start.observed, np.arange(len(start.poses.root))) for start in starts])
     skeleton, body = single_precision((prepared.skeleton, prepared.body))
     return RefinementProblem(chosen, initial, observed, skeleton, body, truth)
 

@@ -11,7 +11,7 @@ from ..graph import HeadBall, HighestVoxel, RootFinder, Skeletoniser, VoxelScoop
 from ..matching import HANDLESS_DESCRIPTOR, PAPER_DESCRIPTOR, DtwMatcher, Matcher
 from ..refinement import Solver
 from ..refinement.parametrisations import ExactBones, HingedLimbs, Parametrisation
-from ..refinement.solvers import LevenbergMarquardt, default_solver
+from ..refinement.solvers import NormalEquationsLM, default_solver
 from ..refinement.terms import Objective, paper_objective, volume_objective
 from ..search import Search, Tracking
 
@@ -115,6 +115,6 @@ def paper_settings() -> Settings:
         search=None,
         refinement=RefinementSettings(
             objective=paper_objective(), parametrisation=ExactBones(),
-            solver=LevenbergMarquardt(rtol=1e-2, atol=3e-3, ftol=1e-2), rounds=5,
+            solver=NormalEquationsLM(rtol=1e-2, atol=3e-3, ftol=1e-2), rounds=5,
         ),
     )  # fmt: skip

@@ -8,7 +8,7 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
-from .._runtime.batching import filled, on_device, padded, single_precision, taken
+from .._runtime.batching import filled, on_device, padded, single_precision, take
 from ..body import Body, Pose, Skeleton, place_joints
 from ..graph import SkeletalGraph, forest_of
 from ..hull import FRAMES_PER_WORD, Seen, Stopwatch
@@ -21,7 +21,7 @@ from ..search import (
     Proposed,
     Search,
     Track,
-    dear,
+    cost_threshold,
     graphless_poses,
     initial_poses,
     make_model,
@@ -113,7 +113,7 @@ def _by_search(
             graphs = draw_graphs(seen, chosen, prepared, settings, stopwatch)
             limbs, facing, sides = label_graphs(graphs, prepared.skeleton, settings, stopwatch)[2:]
         else:
-            limbs, facing, sides = taken(labelled[2:], chosen)
+            limbs, facing, sides = take(labelled[2:], chosen)
         return Proposed(start_poses(limbs, facing, prepared.skeleton), sides)
 
     observed = on_device(outlines.observed)
@@ -129,7 +129,7 @@ def _by_search(
                 model, search, settings.tracking, fps, track, propose, fallback, observed
             )
         unexplained = _unexplained(hypotheses.best, observed, prepared.body)
-        unusual = dear(None if costs is None else costs.typical)
+        unusual = cost_threshold(None if costs is None else costs.typical)
         trust = searched_confidence(_joints(hypotheses, prepared.skeleton), hypotheses.cost, unusual)
         trust *= trust_in_explained(unexplained)[:, None]
     return Start(hypotheses.best, observed, unexplained < NOT_THE_SUBJECT, sides, lambda _: trust), track

@@ -16,7 +16,7 @@ from ._silhouettes import AbstractSilhouettes as AbstractSilhouettes
 from ._silhouettes import Silhouettes as Silhouettes
 from ._views import MIN_VIEWS as MIN_VIEWS
 from ._views import Box as Box
-from ._views import lost_views as lost_views
+from ._views import find_empty_views as find_empty_views
 from ._views import person_boxes as person_boxes
 from ._views import silhouette_areas as silhouette_areas
 from ._views import silhouette_centroids as silhouette_centroids

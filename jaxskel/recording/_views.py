@@ -59,7 +59,7 @@ def unpacked_box(
     return bits[:, left - 8 * first : right - 8 * first].view(bool)
 
 
-def lost_views(areas: Int[np.ndarray, "frames cams"], cameras: Cameras) -> Bool[np.ndarray, "frames cams"]:
+def find_empty_views(areas: Int[np.ndarray, "frames cams"], cameras: Cameras) -> Bool[np.ndarray, "frames cams"]:
     """Views without a person: black ones and those with specks only."""
     floor = _LEAST_SHARE * cameras.size.prod(1)
     there = areas >= floor

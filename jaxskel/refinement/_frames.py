@@ -9,7 +9,7 @@ import optimistix as optx
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
-from .._runtime.compile_cache import kept
+from .._runtime.compile_cache import cached_jit
 from ..body import Pose, Skeleton
 from .parametrisations import Parametrisation
 from .terms import Objective, Observed
@@ -55,7 +55,7 @@ def refine_frame(
     def residuals(unknowns: Float[Array, " unknowns"], args: Any) -> dict[str, Array]:
         base, fixed = args
         found = objective.residuals(parametrisation.reached(unknowns, base, skeleton), observed, fixed)
-        return found | parametrisation.held(parametrisation.moved(unknowns, base, skeleton), skeleton)
+        return found | parametrisation.constraint_residuals(parametrisation.retract(unknowns, base, skeleton), skeleton)
 
     # Correspondences are looked up between solves: an argmin inside the residual keeps the solver from converging.
     def one_round(base: Any, _: None) -> tuple[Any, tuple[Array, Array]]:
@@ -68,13 +68,13 @@ def refine_frame(
             max_steps=max_steps,
             throw=False,
         )
-        base = parametrisation.settled(parametrisation.moved(solution.value, base, skeleton), skeleton)
+        base = parametrisation.settled(parametrisation.retract(solution.value, base, skeleton), skeleton)
         return base, (solution.result == optx.RESULTS.successful, solution.stats["num_steps"])
 
     start = parametrisation.begin(jax.tree.map(jnp.asarray, initial), skeleton)
     base, (converged, steps) = jax.lax.scan(one_round, start, None, length=rounds)
     costs = objective.costs(parametrisation.placed(base, skeleton), observed)
-    costs |= {name: (rows**2).sum() for name, rows in parametrisation.held(base, skeleton).items()}
+    costs |= {name: (rows**2).sum() for name, rows in parametrisation.constraint_residuals(base, skeleton).items()}
     # A solver that meets NaN data stays at its start: the pose is a number then, its costs are not.
     finite = jnp.isfinite(ravel_pytree((base, list(costs.values())))[0]).all()
     base = jax.tree.map(lambda new, old: jnp.where(finite, new, old), base, start)
@@ -82,7 +82,7 @@ def refine_frame(
     return Refined(pose, body.joints, body.tips, costs, converged[-1] & finite, finite, steps[-1])
 
 
-@kept
+@cached_jit
 def refine_frames(
     objective: Objective,
     parametrisation: Parametrisation,

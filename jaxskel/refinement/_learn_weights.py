@@ -12,7 +12,7 @@ from .._runtime.batching import single_precision
 from ..body import Pose, Skeleton
 from ._frames import Solver, refine_frames
 from .parametrisations import Parametrisation
-from .solvers import LevenbergMarquardt
+from .solvers import NormalEquationsLM
 from .terms import Objective, Observed
 
 # Errors much smaller than this count by their square, larger ones by themselves (m): one lost hand is not everything.
@@ -73,7 +73,7 @@ def learn_weights(
 
     if not np.isfinite(labels).all(-1).any():
         raise ValueError("labels: every joint is NaN; give true joints (m) of a few frames")
-    solver = solver or LevenbergMarquardt(rtol=1e-4, atol=1e-5)
+    solver = solver or NormalEquationsLM(rtol=1e-4, atol=1e-5)
     names = sorted(objective.terms)  # as JAX orders them
     start = np.array([float(objective.terms[name].weight) for name in names])
     options = parametrisation, solver, rounds, max_steps

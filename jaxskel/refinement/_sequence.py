@@ -8,7 +8,7 @@ import optimistix as optx
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
-from .._runtime.compile_cache import kept
+from .._runtime.compile_cache import cached_jit
 from ..body import Pose, Skeleton
 from ._frames import Refined, Solver
 from .parametrisations import Parametrisation
@@ -19,7 +19,7 @@ from .terms import Objective, Observed, PlacedBody
 _AT_ONCE = 8
 
 
-@kept
+@cached_jit
 def refine_sequence(
     objective: Objective,
     parametrisation: Parametrisation,
@@ -58,7 +58,7 @@ def refine_sequence(
                            batch_size=_AT_ONCE)  # fmt: skip
 
     def costs_of(base: Any, frame: Observed) -> dict[str, Array]:
-        held = {name: (rows**2).sum() for name, rows in parametrisation.held(base, skeleton).items()}
+        held = {name: (rows**2).sum() for name, rows in parametrisation.constraint_residuals(base, skeleton).items()}
         return objective.costs(parametrisation.placed(base, skeleton), frame) | held
 
     given = jax.vmap(lambda pose: parametrisation.begin(pose, skeleton))(jax.tree.map(jnp.asarray, initial))
@@ -70,15 +70,17 @@ def refine_sequence(
     def bodies(base: Any) -> PlacedBody:
         return jax.vmap(lambda one: parametrisation.placed(one, skeleton))(base)
 
-    def moved(unknowns: Float[Array, "frames unknowns"], base: Any) -> Any:
-        return jax.vmap(lambda u, one: parametrisation.moved(u, one, skeleton))(unknowns, base)
+    def retract(unknowns: Float[Array, "frames unknowns"], base: Any) -> Any:
+        return jax.vmap(lambda u, one: parametrisation.retract(u, one, skeleton))(unknowns, base)
 
     def residuals(unknowns: Float[Array, "frames unknowns"], args: Any) -> Coupled:
         def one(each: Any) -> dict[str, Array]:
             unknowns, (base, fixed), frame, used = each
             own = objective.residuals(parametrisation.reached(unknowns, base, skeleton), frame, fixed)
             own = {name: jnp.where(used, rows, 0.0) for name, rows in own.items()}
-            return own | parametrisation.held(parametrisation.moved(unknowns, base, skeleton), skeleton)
+            return own | parametrisation.constraint_residuals(
+                parametrisation.retract(unknowns, base, skeleton), skeleton
+            )
 
         own = jax.lax.map(one, (unknowns, args, observed, seen), batch_size=_AT_ONCE)
         reached = jax.vmap(lambda u, one: parametrisation.reached(u, one, skeleton))(unknowns, args[0])
@@ -90,7 +92,7 @@ def refine_sequence(
         solution = optx.least_squares(
             residuals, solver, zeros, args=(base, fixed), max_steps=max_steps, throw=False
         )  # fmt: skip
-        base = jax.vmap(lambda one: parametrisation.settled(one, skeleton))(moved(solution.value, base))
+        base = jax.vmap(lambda one: parametrisation.settled(one, skeleton))(retract(solution.value, base))
         return base, (solution.result == optx.RESULTS.successful, solution.stats["num_steps"])
 
     base, (converged, steps) = jax.lax.scan(one_round, start, None, length=rounds)

@@ -11,7 +11,7 @@ from ._hypotheses import Hypotheses as Hypotheses
 from ._initial_poses import initial_poses as initial_poses
 from ._search import Model as Model
 from ._search import Search as Search
-from ._search import dear as dear
+from ._search import cost_threshold as cost_threshold
 from ._search import make_model as make_model
 from ._search import solve_frames as solve_frames
 from ._start_poses import graphless_poses as graphless_poses

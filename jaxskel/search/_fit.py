@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from .._runtime.batching import on_device, taken
-from .._runtime.compile_cache import kept
+from .._runtime.batching import on_device, take
+from .._runtime.compile_cache import cached_jit
 from ..body import Body, Pose
 from ..refinement.parametrisations import HingedLimbs
 from ..refinement.terms import Observed, place, volume_objective
@@ -54,7 +54,7 @@ def in_chunks(work: Callable[[Pose, Int[Array, " chunk"]], Any], pool: Pool, at_
     done = []
     for start in range(0, len(pool), at_once):
         chosen = np.minimum(np.arange(start, start + at_once), len(pool) - 1)
-        given = taken(pool.poses, chosen), pool.frame[chosen].astype(np.int32)
+        given = take(pool.poses, chosen), pool.frame[chosen].astype(np.int32)
         done.append(jax.tree.map(np.asarray, work(*jax.device_put(given))))
     return jax.tree.map(lambda *parts: np.concatenate(parts)[: len(pool)], *done)
 
@@ -73,7 +73,7 @@ def fit_hypothesis(body: Body, pose: Pose, observed: Observed, scales: Scales) -
     return pose, jnp.where(jnp.isfinite(cost), cost, jnp.inf)
 
 
-@kept
+@cached_jit
 def _fitted(
     body: Body, poses: Pose, frames: Int[Array, " n"], stack: Observed, scales: Scales
 ) -> tuple[Pose, Float[Array, " n"]]:

@@ -43,7 +43,7 @@ def descend(
         matrix, gradient = matrix + more, gradient + slope
     damped = matrix + jnp.diag(_DAMPING + _RELATIVE_DAMPING * jnp.diagonal(matrix))
     unknowns = -jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(damped, lower=True), gradient)
-    return parametrisation.moved(jnp.clip(unknowns, -_REACH, _REACH), pose, skeleton)
+    return parametrisation.retract(jnp.clip(unknowns, -_REACH, _REACH), pose, skeleton)
 
 
 def _by_body(terms: list[CapsuleTerm]) -> list[list[CapsuleTerm]]:

@@ -5,7 +5,7 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from .._runtime.batching import taken
+from .._runtime.batching import take
 from ..body import SEGMENT_NAMES, Pose
 
 # Two poses are alike if their roots are closer than this (m) and no entry of a rotation differs by more.
@@ -53,11 +53,11 @@ class Pool(eqx.Module):
         order = np.lexsort((self.cost, self.frame))
         frame = self.frame[order]
         rank = np.arange(len(frame)) - np.searchsorted(frame, frame)
-        return taken(self, order[rank < count])
+        return take(self, order[rank < count])
 
     def of(self, frames: Int[np.ndarray, " some"]) -> "Pool":
         """Those of some frames."""
-        return taken(self, np.isin(self.frame, frames))
+        return take(self, np.isin(self.frame, frames))
 
     def rows(self, frames: Int[np.ndarray, " some"], count: int) -> Hypotheses:
         """So many of each of some frames, the cheapest first; where there are fewer, the dearest stands in again."""
@@ -65,7 +65,7 @@ class Pool(eqx.Module):
         start = np.searchsorted(best.frame, frames)
         there = np.searchsorted(best.frame, frames, "right") - start
         chosen = start[:, None] + np.minimum(np.arange(count)[None], there[:, None] - 1)
-        return Hypotheses(taken(best.poses, chosen), best.cost[chosen])
+        return Hypotheses(take(best.poses, chosen), best.cost[chosen])
 
 
 def pool_of(poses: Pose, frames: Int[np.ndarray, " some"]) -> Pool:
@@ -75,7 +75,7 @@ def pool_of(poses: Pose, frames: Int[np.ndarray, " some"]) -> Pool:
     return Pool(np.repeat(frames, count), flat, np.full(len(frames) * count, np.inf, np.float32))
 
 
-def promising(
+def select_distinct(
     pool: Pool,
     margin: float,
     count: int,

@@ -11,12 +11,12 @@ import jax
 import numpy as np
 from jaxtyping import Array, Int
 
-from .._runtime.batching import on_device, single_precision, taken
-from .._runtime.compile_cache import kept
+from .._runtime.batching import on_device, single_precision, take
+from .._runtime.compile_cache import cached_jit
 from ..body import BALL_NAMES, LINKS, SEGMENT_NAMES, Body, Pose, Skeleton, limb_capsules, place_joints
 from ..refinement.terms import Objective, Observed, volume_objective
 from ._fit import fit_pool, fit_scales, in_chunks
-from ._hypotheses import Hypotheses, Pool, pool_of, promising
+from ._hypotheses import Hypotheses, Pool, pool_of, select_distinct
 from ._limb_search import Limb, best_pairs, best_single, score_limb, unexplained, with_limb
 from ._limb_tables import arm_table, leg_table
 from ._start_poses import other_ways
@@ -74,7 +74,7 @@ class Search(eqx.Module):
         return self if low is None else eqx.tree_at(lambda s: s.doubtful, self, low + _DOUBTFUL)
 
 
-def dear(typical: float | None) -> float:
+def cost_threshold(typical: float | None) -> float:
     """What a frame hardly ever costs where it typically costs so much."""
     if typical is None:
         return Search().doubtful
@@ -147,7 +147,7 @@ def solve_frames(
         return other_ways(joints[: len(frames)], model.skeleton)
 
     found = searched(starts, frames)
-    for more in (lambda frames: taken(fallback, frames), around):
+    for more in (lambda frames: take(fallback, frames), around):
         best = found.cheapest(1)
         doubtful = best.frame[best.cost > search.doubtful]
         if len(doubtful):
@@ -192,7 +192,7 @@ def _first_found(model: Model, search: Search, starts: Pool, stack: Observed) ->
     trunks = fit_pool(model.armless, starts, stack, fit_scales((0.08, search.rough_steps))).cheapest(search.starts)
     for scale, steps in ((0.08, half), (0.05, search.leg_steps - half)):
         trunks = fit_pool(model.armless, trunks, stack, fit_scales((scale, steps)))
-        trunks = taken(trunks, promising(trunks, search.trunk_margin, search.trunks, _TRUNK))
+        trunks = take(trunks, select_distinct(trunks, search.trunk_margin, search.trunks, _TRUNK))
     pairs = _proposed(trunks, lambda poses, at: _with_pairs(model, poses, at, stack, _ARMS, search.pairs))
     return _fitted(model, search, pairs, stack, search.pairs)
 
@@ -201,9 +201,9 @@ def _fitted(model: Model, search: Search, pool: Pool, stack: Observed, count: in
     """Fit hypotheses of all limbs; a few promising ones take all steps, the others stay where they are half-way."""
     half = search.steps // 2
     rough = fit_pool(model.body, pool, stack, fit_scales((0.06, half)))
-    chosen = promising(rough, search.margin, count, known=known)
+    chosen = select_distinct(rough, search.margin, count, known=known)
     scales = fit_scales((0.04, search.steps - half))
-    return fit_pool(model.body, taken(rough, chosen), stack, scales).joined(taken(rough, ~chosen))
+    return fit_pool(model.body, take(rough, chosen), stack, scales).joined(take(rough, ~chosen))
 
 
 def _proposed(pool: Pool, propose: _Propose) -> Pool:
@@ -211,7 +211,7 @@ def _proposed(pool: Pool, propose: _Propose) -> Pool:
     return pool_of(in_chunks(propose, pool, _LIMBS_AT_ONCE), pool.frame)
 
 
-@kept
+@cached_jit
 def _with_pairs(
     model: Model, poses: Pose, frames: Int[Array, " n"], stack: Observed, names: tuple[str, str], count: int
 ) -> Pose:
@@ -228,7 +228,7 @@ def _with_pairs(
     return jax.vmap(one)(poses, frames)
 
 
-@kept
+@cached_jit
 def _with_single(model: Model, poses: Pose, frames: Int[Array, " n"], stack: Observed, name: str, count: int) -> Pose:
     """Free one limb of each pose and give it its best poses (axes ``n count``)."""
 

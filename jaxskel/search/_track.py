@@ -9,13 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from .._runtime.batching import on_device, single_precision, taken
-from .._runtime.compile_cache import kept
+from .._runtime.batching import on_device, single_precision, take
+from .._runtime.compile_cache import cached_jit
 from ..body import Pose, place_joints
 from ..refinement.terms import Observed
 from ._fit import Scales, fit_hypothesis, fit_scales
 from ._hypotheses import Hypotheses, Pool, pool_of
-from ._search import Model, Search, dear, solve_frames
+from ._search import Model, Search, cost_threshold, solve_frames
 
 # Frames followed in one go, forwards and backwards.
 TRACKED_FRAMES = 32
@@ -115,7 +115,7 @@ def track_frames(
     places = _places(model, found.best)
     start = places[0] if track is None else _last_place(model, track)
     moved = np.linalg.norm(np.diff(places, axis=0, prepend=start[None]), axis=-1).max(-1)
-    lost = np.setdiff1d(np.flatnonzero((found.cost[:, 0] > dear(usual)) | (moved > _FAR)), searched)
+    lost = np.setdiff1d(np.flatnonzero((found.cost[:, 0] > cost_threshold(usual)) | (moved > _FAR)), searched)
     if len(lost):
         offers = offers.joined(searched_in(lost)).cheapest(1)
         found = _best_track(model, tracking, track, offers, stack)
@@ -140,7 +140,7 @@ def _best_track(model: Model, tracking: Tracking, track: Track | None, offers: P
     def follow(order: Int[np.ndarray, " frames"], last: Pose, before: Pose) -> tuple[Pose, np.ndarray]:
         margin, number = jnp.asarray(tracking.margin, jnp.float32), jnp.asarray(order, jnp.int32)
         last, before = single_precision((last, before))
-        poses, cost = single_precision(taken((offers.poses, offers.cost), order))
+        poses, cost = single_precision(take((offers.poses, offers.cost), order))
         found = _follow(model, margin, scales, last, before, poses, cost, number, stack)
         return jax.tree.map(lambda a: np.asarray(a)[:count], found)
 
@@ -186,7 +186,7 @@ def cheapest_path(
     return path
 
 
-@kept
+@cached_jit
 def _follow(
     model: Model,
     margin: Float[Array, ""],

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 
 from ..cameras import Cameras, project
 from ..hull import body_middles
-from ..recording import lost_views, pack_silhouettes, person_boxes, silhouette_areas, unpack_silhouettes
+from ..recording import find_empty_views, pack_silhouettes, person_boxes, silhouette_areas, unpack_silhouettes
 
 # Points along an edge of the cube around the person. 64 give the same misfits on the real recordings, to a tenth.
 POINTS = 48
@@ -63,9 +63,9 @@ def reduce_views(cameras: Cameras, silhouettes: UInt8[np.ndarray, "frames cams h
     steps, sizes = _steps_and_sizes(cameras)
     columns, rows = sizes.max(0)
     masks = np.zeros((*silhouettes.shape[:2], rows, columns), bool)
-    lost = lost_views(silhouette_areas(silhouettes), cameras)
+    empty_views = find_empty_views(silhouette_areas(silhouettes), cameras)
     for c in range(len(cameras)):
-        there = ~lost[:, c]
+        there = ~empty_views[:, c]
         masks[there, c] = reduced_silhouettes(cameras, c, silhouettes[there, c])
     # The centre of the first pixel, of either size, is (0, 0).
     shrink = np.array([[[1 / s, 0, (1 / s - 1) / 2], [0, 1 / s, (1 / s - 1) / 2], [0, 0, 1]] for s in steps])

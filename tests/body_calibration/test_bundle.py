@@ -11,7 +11,7 @@ from support.people import ADULT, film_person, other_person
 from support.phantoms import ideal_graph
 
 from jaxskel import Pose
-from jaxskel._runtime.batching import filled, on_device, single_precision, taken
+from jaxskel._runtime.batching import filled, on_device, single_precision, take
 from jaxskel.body import (
     LENGTH_NAMES,
     LINKS,
@@ -101,7 +101,7 @@ def test_quadrics_have_the_slope_of_finite_differences(scene, kind):
 
 def test_balls_move_with_the_unknowns_as_finite_differences_say(scene):
     shape = single_precision(Shape.of(0.05 * np.random.default_rng(1).normal(size=93)))
-    poses = taken(scene.truth, np.array([3]))
+    poses = take(scene.truth, np.array([3]))
     linear = linearised(single_precision(ADULT), shape, single_precision(poses), on_device(scene.observed))
     direction = np.random.default_rng(2).normal(size=42 + 93)
     with jax.enable_x64(True):
@@ -109,7 +109,7 @@ def test_balls_move_with_the_unknowns_as_finite_differences_say(scene):
 
         def balls(step: float) -> np.ndarray:
             body = shaped_body(ADULT, Shape.of(jnp.asarray(shape.vector, jnp.float64) + step * direction[42:]))
-            placed = place(body.skeleton, HINGED.moved(jnp.asarray(step * direction[:42]), pose, body.skeleton))
+            placed = place(body.skeleton, HINGED.retract(jnp.asarray(step * direction[:42]), pose, body.skeleton))
             centres = ball_centres(body, placed.origins, placed.rotations)
             return np.concatenate([centres, np.asarray(body.radii)[:, None]], 1)
 
@@ -156,6 +156,6 @@ def test_joints_that_are_known_hold_the_poses(scene):
     found = bundle_adjust(ADULT, prior, prior.mean, away, stack, used, steps=6, tolerance=0.0, joints=filled(joints))
     skeleton = single_precision(shaped_body(ADULT, found.shape).skeleton)
     np.testing.assert_allclose(lengths_of(skeleton)[:8], lengths_of(scene.body.skeleton)[:8], rtol=1e-3)
-    off = np.linalg.norm(np.asarray(place_joints(skeleton, taken(found.poses, np.arange(FRAMES)))[0]) - joints, axis=-1)
+    off = np.linalg.norm(np.asarray(place_joints(skeleton, take(found.poses, np.arange(FRAMES)))[0]) - joints, axis=-1)
     assert np.median(off) < 0.005
     assert off.max() < 0.03

@@ -38,9 +38,9 @@ def silhouettes(cameras) -> np.ndarray:
 
 def tangents(rig: Cameras, silhouettes: np.ndarray, gate: float = 0.0) -> EpipolarTangents:
     """Without a gate, the outermost ones alone."""
-    lost = ~silhouettes.any((2, 3))
-    images = distance_images(silhouettes, rig, lost, 40)
-    return epipolar_tangents(rig, outline_chains(silhouettes, rig, lost, images), MIDDLES, gate)
+    empty_views = ~silhouettes.any((2, 3))
+    images = distance_images(silhouettes, rig, empty_views, 40)
+    return epipolar_tangents(rig, outline_chains(silhouettes, rig, empty_views, images), MIDDLES, gate)
 
 
 def apart(rig: Cameras, found: EpipolarTangents) -> Sensitivity:
@@ -132,8 +132,8 @@ def test_outlines_are_followed_with_the_person_on_one_side(cameras):
     v, u = np.mgrid[: SIZE[1], : SIZE[0]]
     away = np.hypot(u - 120.3, v - 99.6)
     drawn = pack_silhouettes(np.tile((away > 20) & (away < 40), (1, VIEWS, 1, 1)))
-    lost = np.zeros((1, VIEWS), bool)
-    found = outline_chains(drawn, cameras, lost, distance_images(drawn, cameras, lost, 40))
+    empty_views = np.zeros((1, VIEWS), bool)
+    found = outline_chains(drawn, cameras, empty_views, distance_images(drawn, cameras, empty_views, 40))
     assert (found.count == found.count[0, 0]).all()
     own = slice(0, found.count[0, 0])
     K = np.asarray(cameras.K[0])

@@ -65,7 +65,7 @@ def test_a_wave_goes_on_to_cells_with_voxels_beside_those_of_its_own(density):
         seen, owners = wave.seen(some[[i]], np.array([7]))
         np.testing.assert_array_equal(np.sort(seen), some[beside])
         np.testing.assert_array_equal(owners, 7)
-    wave.close(some[::2])
+    wave.mark_visited(some[::2])
     every, _ = wave.seen(some, np.arange(len(some)))
     assert np.isin(every, some[1::2]).all()
     assert len(np.unique(every)) == len(every)

@@ -10,15 +10,15 @@ from jaxskel.hull import carve, hulls_from_dense, make_grid, projection_table
 GRID = make_grid(np.array([-0.5, -0.4, 0.6]), np.array([0.5, 0.4, 1.5]), 0.1)
 
 
-def carved(silhouettes, cameras, grid, lost=None, max_misses=0, min_views=1):
+def carved(silhouettes, cameras, grid, empty_views=None, max_misses=0, min_views=1):
     """Dense occupancy (frames x y z)."""
     table = projection_table(cameras, grid, silhouettes.shape[2], 8 * silhouettes.shape[3], min_views)
-    hulls = carve(silhouettes, table, lost, max_misses)
+    hulls = carve(silhouettes, table, empty_views, max_misses)
     assert len(hulls) == len(silhouettes)
     return np.stack([hulls.dense(f) for f in range(len(hulls))])
 
 
-def reference(masks, rig, fold, grid, lost, max_misses, min_views):
+def reference(masks, rig, fold, grid, empty_views, max_misses, min_views):
     """Space carving as a text book has it: camera by camera, frame by frame, one voxel after the other."""
     frames = len(masks)
     occupied = np.zeros((frames, *grid.shape), bool)
@@ -40,7 +40,7 @@ def reference(masks, rig, fold, grid, lost, max_misses, min_views):
             width, height = rig["size"][c]
             if 0 <= column < width and 0 <= row < height:
                 views += 1
-                misses += ~masks[:, c, row, column] & ~lost[:, c]
+                misses += ~masks[:, c, row, column] & ~empty_views[:, c]
         occupied[(slice(None), *place)] = (misses <= max_misses) & (views >= min_views)
     return occupied
 
@@ -69,10 +69,10 @@ def test_carve_equals_the_text_book(frames, max_misses, min_views):
     cameras = make_cameras(rig["K"], rig["R"], rig["t"], rig["size"], rig["lens"])
     np.testing.assert_allclose(cameras.max_radius, [np.inf] * 4 + [1 / np.sqrt(3 * 0.36)], atol=1e-3)
     masks = rng.random((frames, 5, 48, 64)) < (0.8, 0.6, 0.4)[max_misses]
-    lost = rng.random((frames, 5)) < 0.2
-    expected = reference(masks, rig, cameras.max_radius, GRID, lost, max_misses, min_views)
+    empty_views = rng.random((frames, 5)) < 0.2
+    expected = reference(masks, rig, cameras.max_radius, GRID, empty_views, max_misses, min_views)
     assert 0.05 < expected.mean() < 0.9  # otherwise nothing is compared
-    ours = carved(np.packbits(masks, -1), cameras, GRID, lost, max_misses, min_views)
+    ours = carved(np.packbits(masks, -1), cameras, GRID, empty_views, max_misses, min_views)
     np.testing.assert_array_equal(ours, expected)
 
 
@@ -137,17 +137,17 @@ def test_a_lost_view_is_a_camera_left_out(max_misses):
     cameras, rng = ring(5), np.random.default_rng(2)
     masks = rng.random((4, 5, 120, 160)) < 0.8
     masks[:, 2] = False
-    lost = np.zeros((4, 5), bool)
-    lost[1, 2] = lost[3, 2] = True
+    empty_views = np.zeros((4, 5), bool)
+    empty_views[1, 2] = empty_views[3, 2] = True
     silhouettes = np.packbits(masks, -1)
-    with_lost = carved(silhouettes, cameras, GRID, lost, max_misses)
+    with_lost = carved(silhouettes, cameras, GRID, empty_views, max_misses)
     others = [0, 1, 3, 4]
     without = carved(silhouettes[:, others], cameras[others], GRID, None, max_misses)
     assert without.any()
-    np.testing.assert_array_equal(with_lost[lost[:, 2]], without[lost[:, 2]])
+    np.testing.assert_array_equal(with_lost[empty_views[:, 2]], without[empty_views[:, 2]])
     # A black view that is not lost counts as one miss everywhere.
     expected = carved(silhouettes[:, others], cameras[others], GRID, None, 0) if max_misses else np.zeros_like(without)
-    np.testing.assert_array_equal(with_lost[~lost[:, 2]], expected[~lost[:, 2]])
+    np.testing.assert_array_equal(with_lost[~empty_views[:, 2]], expected[~empty_views[:, 2]])
 
 
 def test_a_world_twice_as_large_has_the_same_voxels():

@@ -29,10 +29,10 @@ def test_each_bit_is_a_frame(height, box):
     # The first camera sees nothing, the others not the same.
     masks[:, 1, top:bottom, left:right] = rng.random((FRAMES_PER_WORD, bottom - top, right - left)) < 0.3
     masks[3, 2, : bottom // 2, : right // 2] = True
-    lost = rng.random((FRAMES_PER_WORD, CAMS)) < 0.1
-    windows = cut_windows(np.packbits(masks, -1), lost)
+    empty_views = rng.random((FRAMES_PER_WORD, CAMS)) < 0.1
+    windows = cut_windows(np.packbits(masks, -1), empty_views)
     words = whole_images(windows, height, WIDTH)
-    bits = (masks | lost[:, :, None, None]).astype(np.uint32) << np.arange(FRAMES_PER_WORD)[:, None, None, None]
+    bits = (masks | empty_views[:, :, None, None]).astype(np.uint32) << np.arange(FRAMES_PER_WORD)[:, None, None, None]
     np.testing.assert_array_equal(words[:, :-1], np.bitwise_or.reduce(bits, 0).astype(np.uint32).reshape(CAMS, -1))
     np.testing.assert_array_equal(words[:, -1], 0xFFFFFFFF)  # what is not seen
 

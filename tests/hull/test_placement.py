@@ -7,7 +7,7 @@ from support.phantoms import chain, film, ring
 from jaxskel import unpack_silhouettes
 from jaxskel.hull import body_middles, carve, make_grid, place_grid, projection_table
 from jaxskel.hull._connected_bodies import find_bodies
-from jaxskel.recording import lost_views, silhouette_areas, silhouette_centroids
+from jaxskel.recording import find_empty_views, silhouette_areas, silhouette_centroids
 
 # Six cameras far enough away to see a walk through the room; a pixel is about 35 mm wide in the middle.
 CAMERAS = ring(6, size=(240, 160), focal=170.0, radius=6.0)
@@ -32,8 +32,8 @@ def person(x=0.0, y=0.0, arm=None) -> np.ndarray:
 
 
 def placed(silhouettes, cameras=CAMERAS, spacing=SPACING):
-    lost = lost_views(silhouette_areas(silhouettes), cameras)
-    return place_grid(cameras, silhouettes, lost, spacing, 3)
+    empty_views = find_empty_views(silhouette_areas(silhouettes), cameras)
+    return place_grid(cameras, silhouettes, empty_views, spacing, 3)
 
 
 def contains(grid, balls) -> bool:
@@ -132,20 +132,20 @@ def test_nobody_there_means_no_grid():
 def test_body_middles_are_where_the_rays_meet():
     balls = [np.array([[0.4, -0.3, 1.1, 0.3]]), np.array([[-1.2, 0.5, 0.4, 0.25]])]
     silhouettes = film(CAMERAS, balls)
-    lost = np.zeros((2, 6), bool)
+    empty_views = np.zeros((2, 6), bool)
     # To a pixel, and the centroid of a ball's outline is not quite its centre.
-    np.testing.assert_allclose(body_middles(CAMERAS, silhouettes, lost), [b[0, :3] for b in balls], atol=0.02)
-    lost[:, 2] = True
+    np.testing.assert_allclose(body_middles(CAMERAS, silhouettes, empty_views), [b[0, :3] for b in balls], atol=0.02)
+    empty_views[:, 2] = True
     silhouettes[:, 2] = 0
-    np.testing.assert_allclose(body_middles(CAMERAS, silhouettes, lost), [b[0, :3] for b in balls], atol=0.02)
+    np.testing.assert_allclose(body_middles(CAMERAS, silhouettes, empty_views), [b[0, :3] for b in balls], atol=0.02)
 
 
 def test_body_middles_forgive_a_blob_of_noise():
     silhouettes = film(CAMERAS, [person()])
-    lost = np.zeros((1, 6), bool)
-    clean = body_middles(CAMERAS, silhouettes, lost)
+    empty_views = np.zeros((1, 6), bool)
+    clean = body_middles(CAMERAS, silhouettes, empty_views)
     silhouettes[0, 3, 5:35, 1:5] = 255
-    np.testing.assert_allclose(body_middles(CAMERAS, silhouettes, lost), clean, atol=0.1)
+    np.testing.assert_allclose(body_middles(CAMERAS, silhouettes, empty_views), clean, atol=0.1)
 
 
 def test_areas_and_centroids_by_hand():
@@ -169,9 +169,9 @@ def test_areas_and_centroids_by_hand():
         ([30] * 6, []),  # far away, but there: the least is 0.05 % of 240 x 160, 19 pixels
     ],
 )
-def test_lost_views(areas, lost):
-    expected = np.isin(np.arange(6), list(lost))
-    np.testing.assert_array_equal(lost_views(np.array([areas, [900] * 6]), CAMERAS), [expected, [False] * 6])
+def test_lost_views(areas, empty_views):
+    expected = np.isin(np.arange(6), list(empty_views))
+    np.testing.assert_array_equal(find_empty_views(np.array([areas, [900] * 6]), CAMERAS), [expected, [False] * 6])
 
 
 coordinate = st.floats(-20, 20)

@@ -31,10 +31,10 @@ CAMERAS = with_lenses(6)
 PACKED = film(CAMERAS, [BALLS])
 
 
-def seen(packed=PACKED, cameras=CAMERAS, lost=()) -> SilhouetteDistances:
+def seen(packed=PACKED, cameras=CAMERAS, empty_views=()) -> SilhouetteDistances:
     """Distances of one frame."""
     gone = np.zeros((1, len(cameras)), bool)
-    gone[:, list(lost)] = True
+    gone[:, list(empty_views)] = True
     return jax.tree.map(lambda a: a[0], silhouette_distances(packed, cameras, gone))
 
 
@@ -50,11 +50,11 @@ def around(count: int, seed=0) -> np.ndarray:
 
 @pytest.mark.parametrize(("max_misses", "min_views"), [(0, 2), (0, 6), (2, 4)])
 def test_it_becomes_the_hard_hull_as_the_temperature_goes_to_zero(max_misses, min_views):
-    lost = [2]
+    empty_views = [2]
     height, width = PACKED.shape[2], 8 * PACKED.shape[3]
-    gone = np.isin(np.arange(6), lost)[None]
+    gone = np.isin(np.arange(6), empty_views)[None]
     hull = carve(PACKED, projection_table(CAMERAS, GRID, height, width, min_views), gone, max_misses).dense(0).ravel()
-    distances = seen(lost=lost)
+    distances = seen(empty_views=empty_views)
     occupancy = np.asarray(soft(distances, GRID.centres(), np.float32(1e-4), max_misses, min_views))
     # A voxel that falls on the pixels next to an outline, or to the edge of an image, may be rounded another way.
     apart = np.abs(np.asarray(distances.at(jnp.asarray(GRID.centres(), jnp.float32)))).min(0)
@@ -75,7 +75,7 @@ def at_an_edge() -> np.ndarray:
 
 
 def test_occupancy_is_the_product_of_sigmoids_of_the_views_that_see():
-    distances, points = seen(lost=[1]), around(300)
+    distances, points = seen(empty_views=[1]), around(300)
     points[0] = [3.8, 0.3, 1.2]  # behind the first camera or beside the view of others
     each = np.asarray(distances.at(jnp.asarray(points, jnp.float32)), float)
     known = np.asarray(distances.seen_at(jnp.asarray(points, jnp.float32))[0]) & (np.arange(6) != 1)[:, None]
@@ -126,8 +126,8 @@ def test_larger_silhouettes_never_mean_less_occupancy_and_it_is_a_share(temperat
 @pytest.mark.parametrize("max_misses", [0, 2])
 def test_the_order_of_the_cameras_does_not_matter(max_misses):
     order, points = [3, 0, 5, 1, 4, 2], around(300)
-    given = soft(seen(lost=[1]), points, T, max_misses)
-    other = soft(seen(PACKED[:, order], CAMERAS[order], lost=[3]), points, T, max_misses)
+    given = soft(seen(empty_views=[1]), points, T, max_misses)
+    other = soft(seen(PACKED[:, order], CAMERAS[order], empty_views=[3]), points, T, max_misses)
     np.testing.assert_allclose(given, other, rtol=1e-4, atol=1e-7)
     assert np.ptp(given) > 0.5
 
@@ -137,7 +137,7 @@ def test_a_lost_view_is_a_camera_left_out(max_misses):
     others, points = [0, 1, 3, 4, 5], around(300)
     # At a temperature at which no distance is far.
     hot = np.float32(10.0)
-    with_lost = soft(seen(lost=[2]), points, hot, max_misses)
+    with_lost = soft(seen(empty_views=[2]), points, hot, max_misses)
     without = soft(seen(PACKED[:, others], CAMERAS[others]), points, hot, max_misses)
     np.testing.assert_allclose(with_lost, without, rtol=1e-5)
 
@@ -182,7 +182,10 @@ def unseen_too(count: int) -> np.ndarray:
 
 def test_gradients_are_finite_differences():
     with jax.enable_x64(True):
-        distances, points = in_double(seen(PACKED[:, SOME], CAMERAS[SOME], lost=[2])), jnp.asarray(unseen_too(12))
+        distances, points = (
+            in_double(seen(PACKED[:, SOME], CAMERAS[SOME], empty_views=[2])),
+            jnp.asarray(unseen_too(12)),
+        )
 
         def fields(d):
             return d.values, d.cameras.K, d.cameras.R, d.cameras.t, d.cameras.dist
@@ -197,7 +200,7 @@ def test_gradients_are_finite_differences():
 
 def test_every_gradient_is_finite_and_what_no_one_sees_has_none():
     points = jnp.asarray(unseen_too(50), jnp.float32)
-    distances = jax.tree.map(jnp.asarray, seen(PACKED[:, SOME], CAMERAS[SOME], lost=[2]))
+    distances = jax.tree.map(jnp.asarray, seen(PACKED[:, SOME], CAMERAS[SOME], empty_views=[2]))
     floats, rest = eqx.partition(distances, eqx.is_inexact_array)
 
     def total(floats, points, temperature):

@@ -19,7 +19,7 @@ from jaxskel.hull import (
     projection_table,
 )
 from jaxskel.hull._max_misses import filled_shares
-from jaxskel.recording import lost_views, silhouette_areas
+from jaxskel.recording import find_empty_views, silhouette_areas
 from jaxskel.synthetic import make_scene
 
 SPACING = 0.02
@@ -32,7 +32,7 @@ def scene():
 
 
 def lost_in(recording):
-    return lost_views(silhouette_areas(recording.silhouettes), recording.cameras)
+    return find_empty_views(silhouette_areas(recording.silhouettes), recording.cameras)
 
 
 def judged(recording, box=None):
@@ -67,12 +67,12 @@ def with_holes(recording, share=0.12, seed=0):
 
 def person_in(recording, misses):
     """Share of the true joints inside the person that is found in each hull, and the person's median volume (m^3)."""
-    cameras, silhouettes, lost = recording.cameras, recording.silhouettes, lost_in(recording)
+    cameras, silhouettes, empty_views = recording.cameras, recording.silhouettes, lost_in(recording)
     joints = recording.truth.joints
     grid = make_grid(joints.min((0, 1)) - 0.3, joints.max((0, 1)) + 0.3, SPACING)
     table = projection_table(cameras, grid, silhouettes.shape[2], 8 * silhouettes.shape[3], MIN_VIEWS + misses)
     edge = observed_edge(np.asarray(table.observed).reshape(grid.shape))
-    people = find_people(carve(silhouettes, table, lost, misses), edge).hulls
+    people = find_people(carve(silhouettes, table, empty_views, misses), edge).hulls
     where = np.floor((joints - np.asarray(grid.origin)) / grid.spacing).astype(int)
     inside = [people.dense(f)[tuple(where[f].T)].mean() for f in range(len(people))]
     return np.mean(inside), np.median(people.volumes)
@@ -162,15 +162,17 @@ def test_filled_shares_of_a_person_with_one_arm():
     one, both = film(cameras, [left]), film(cameras, [np.vstack([left, right])])
     grid = VoxelGrid(np.array([-1.0, -1.0, 0.0]), 0.05, (40, 40, 40))
     table = projection_table(cameras, grid, 120, 160)
-    lost = np.zeros((1, 6), bool)
-    lost[0, 4] = True
-    hulls = carve(one, table, lost)
-    shares = filled_shares(hulls, one, lost, cameras, table)
-    np.testing.assert_array_equal(np.isnan(shares), lost)
+    empty_views = np.zeros((1, 6), bool)
+    empty_views[0, 4] = True
+    hulls = carve(one, table, empty_views)
+    shares = filled_shares(hulls, one, empty_views, cameras, table)
+    np.testing.assert_array_equal(np.isnan(shares), empty_views)
     assert np.nanmin(shares) > 0.95
     # Of both capsules the hull fills what the first one covers, give or take a cell at the edge.
     covered = silhouette_areas(one & both) / silhouette_areas(both)
-    np.testing.assert_allclose(filled_shares(hulls, both, lost, cameras, table)[~lost], covered[~lost], atol=0.1)
+    np.testing.assert_allclose(
+        filled_shares(hulls, both, empty_views, cameras, table)[~empty_views], covered[~empty_views], atol=0.1
+    )
     assert covered.min() < 0.7
     empty = VisualHulls(hulls.voxels, np.zeros_like(hulls.inside), grid)
-    np.testing.assert_array_equal(filled_shares(empty, one, lost, cameras, table)[~lost], 0)
+    np.testing.assert_array_equal(filled_shares(empty, one, empty_views, cameras, table)[~empty_views], 0)

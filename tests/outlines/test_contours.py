@@ -112,30 +112,30 @@ def test_views_have_equal_shares(filmed):
 
 def test_lost_and_empty_views_are_left_out(filmed):
     cameras, silhouettes = filmed
-    lost = np.zeros((2, 5), bool)
-    lost[0, [1, 3]] = True
+    empty_views = np.zeros((2, 5), bool)
+    empty_views[0, [1, 3]] = True
     silhouettes = silhouettes.copy()
     silhouettes[1, 0] = 0
-    found = contours(silhouettes, cameras, lost, 120)
+    found = contours(silhouettes, cameras, empty_views, 120)
     for frame, counts in enumerate(([40, 0, 40, 0, 40], [0, 30, 30, 30, 30])):
         np.testing.assert_array_equal(np.bincount(cameras_of(found, frame, cameras), minlength=5), counts)
 
 
 def test_frames_do_not_depend_on_each_other_nor_on_chance(filmed):
     cameras, silhouettes = filmed
-    lost = np.array([[False] * 5, [True] + [False] * 4])
-    both = contours(silhouettes, cameras, lost, 100)
+    empty_views = np.array([[False] * 5, [True] + [False] * 4])
+    both = contours(silhouettes, cameras, empty_views, 100)
     for frame in range(2):
-        alone = contours(silhouettes[[frame]], cameras, lost[[frame]], 100)
+        alone = contours(silhouettes[[frame]], cameras, empty_views[[frame]], 100)
         np.testing.assert_array_equal(alone.centres[0], both.centres[frame])
         np.testing.assert_array_equal(alone.directions[0], both.directions[frame])
 
 
 def test_points_are_drawn_once_where_there_are_enough_and_all_of_them_where_not():
     # The square has 40 outline points.
-    silhouettes, lost = pack_silhouettes(drawn((slice(1, 11), slice(3, 13)))[None, None]), np.zeros((1, 1), bool)
+    silhouettes, empty_views = pack_silhouettes(drawn((slice(1, 11), slice(3, 13)))[None, None]), np.zeros((1, 1), bool)
     for count, different, most in ((25, 25, 1), (40, 40, 1), (100, 40, 3)):
-        directions = contours(silhouettes, one_camera(), lost, count).directions[0]
+        directions = contours(silhouettes, one_camera(), empty_views, count).directions[0]
         rows, times = np.unique(directions.round(5), axis=0, return_counts=True)
         assert (len(rows), times.max()) == (different, most)
         assert times.min() >= most - 1

@@ -24,14 +24,16 @@ def standing(*sizes: tuple[int, int]) -> Cameras:
     return make_cameras(K, np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3)), np.array(sizes))
 
 
-def measured(masks: Sequence[np.ndarray], cameras: Cameras, lost: Sequence[bool] | None = None) -> SilhouetteDistances:
+def measured(
+    masks: Sequence[np.ndarray], cameras: Cameras, empty_views: Sequence[bool] | None = None
+) -> SilhouetteDistances:
     """Of one frame, in a batch of two frames whose other one is black."""
     height, width = (max(mask.shape[axis] for mask in masks) for axis in (0, 1))
     whole = np.zeros((2, len(masks), height, width), bool)
     for view, mask in enumerate(masks):
         whole[1, view, : mask.shape[0], : mask.shape[1]] = mask
     gone = np.zeros((2, len(masks)), bool)
-    gone[1] = gone[1] if lost is None else lost
+    gone[1] = gone[1] if empty_views is None else empty_views
     found = silhouette_distances(pack_silhouettes(whole), cameras, gone, misses=1)
     assert found.misses.tolist() == [1, 1]
     return jax.tree.map(lambda a: jnp.asarray(a)[1], found)
@@ -106,7 +108,7 @@ def test_what_a_view_does_not_see_it_calls_inside():
 def test_lost_views_call_everything_far_inside_and_black_ones_far_outside():
     cameras = standing((64, 48), (64, 48), (64, 48))
     masks = [left_of(20, 64, 48), left_of(20, 64, 48), np.zeros((48, 64), bool)]
-    found = measured(masks, cameras, lost=[False, True, False])
+    found = measured(masks, cameras, empty_views=[False, True, False])
     places = [(5, 5), (19.5, 24), (60, 40)]
     assert (at_pixels(found, 1, places) * 2 / FOCAL < -1).all()
     np.testing.assert_allclose(at_pixels(found, 2, places), 40.0, rtol=1e-5)

@@ -129,13 +129,13 @@ def test_squared_norm_is_the_weighted_mean_and_stays_so_to_first_order(scattered
 
         @jax.jit
         def distances(unknowns):
-            placed = place(skeleton, HINGED.moved(unknowns, base, skeleton))
+            placed = place(skeleton, HINGED.retract(unknowns, base, skeleton))
             ends = jnp.asarray(capsule_ends(term.body, placed.origins, placed.rotations))
             return nearest_to_rays(rays.centres, rays.directions, ends, radii).distance
 
         @jax.jit
         def summed(unknowns):
-            residual = term.residual(place(skeleton, HINGED.moved(unknowns, base, skeleton)), observed, fixed)
+            residual = term.residual(place(skeleton, HINGED.retract(unknowns, base, skeleton)), observed, fixed)
             return (residual**2).sum()
 
         zeros = HINGED.unknowns()
@@ -159,7 +159,7 @@ def test_jacobian_is_finite_differences(scattered):
         @jax.jit
         def residual(unknowns):
             # The finite differences come as NumPy arrays.
-            pose = HINGED.moved(jnp.asarray(unknowns), base, skeleton)
+            pose = HINGED.retract(jnp.asarray(unknowns), base, skeleton)
             return term.residual(place(skeleton, pose), observed, fixed)
 
         unknowns = 0.05 * jnp.asarray(np.random.default_rng(0).normal(size=len(HINGED.unknowns())))

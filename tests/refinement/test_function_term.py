@@ -11,7 +11,7 @@ from support.phantoms import ideal_graph, pose_of
 
 from jaxskel import default_adult, refine_frames
 from jaxskel.refinement.parametrisations import ExactBones
-from jaxskel.refinement.solvers import LevenbergMarquardt
+from jaxskel.refinement.solvers import NormalEquationsLM
 from jaxskel.refinement.terms import Objective, RestPrior, from_function, paper_objective, place
 
 ADULT = jax.tree.map(lambda a: np.asarray(a, np.float32), default_adult())
@@ -97,7 +97,7 @@ def test_what_can_change_unseen_or_is_no_function_is_refused():
     from_function(cell("def f(body, observed):\n    return body.joints[5]\n", joints=np.zeros(3)))
 
 
-BONES, SOLVER = ExactBones(), LevenbergMarquardt(rtol=1e-2, atol=3e-3)
+BONES, SOLVER = ExactBones(), NormalEquationsLM(rtol=1e-2, atol=3e-3)
 
 
 def solve(objective: Objective, seed: int = 0):

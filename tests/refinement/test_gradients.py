@@ -10,7 +10,7 @@ from support.phantoms import ideal_graph, pose_of
 from jaxskel import default_adult
 from jaxskel.refinement import refine_frame
 from jaxskel.refinement.parametrisations import ExactBones
-from jaxskel.refinement.solvers import LevenbergMarquardt
+from jaxskel.refinement.solvers import NormalEquationsLM
 from jaxskel.refinement.terms import paper_objective
 
 ADULT = default_adult()
@@ -30,14 +30,14 @@ def problem():
         observed = ideal_graph(ADULT, truth)
         noise = rng.normal(0, 0.01, observed.paths.shape)
         observed = doubled(eqx.tree_at(lambda o: o.paths, observed, observed.paths + noise))
-        start = BONES.moved(jnp.asarray(0.02 * rng.normal(size=31)), doubled(truth), doubled(ADULT))
+        start = BONES.retract(jnp.asarray(0.02 * rng.normal(size=31)), doubled(truth), doubled(ADULT))
         objective = doubled(paper_objective()).weighted(rest=10.0)
         along = jnp.asarray(rng.normal(size=(15, 3)))
 
         @eqx.filter_jit
         def number(given):
             objective, observed, skeleton = given
-            solver = LevenbergMarquardt(rtol=1e-10, atol=1e-10)
+            solver = NormalEquationsLM(rtol=1e-10, atol=1e-10)
             # Rounds enough that the correspondences have settled too.
             found = refine_frame(objective, BONES, solver, skeleton, start, observed, rounds=3, max_steps=400)
             return (found.joints * along).sum(), found.converged

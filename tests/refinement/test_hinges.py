@@ -26,7 +26,7 @@ def bent(**angles) -> np.ndarray:
     unknowns = np.zeros(42)
     for name, unknown in UNKNOWN_OF_HINGE.items():
         unknowns[unknown] = angles.get(name, 0.5)
-    return np.asarray(LIMITS.residual(place(ADULT, HINGED.moved(jnp.asarray(unknowns), REST, ADULT)), GRAPH, None))
+    return np.asarray(LIMITS.residual(place(ADULT, HINGED.retract(jnp.asarray(unknowns), REST, ADULT)), GRAPH, None))
 
 
 @pytest.mark.parametrize("hinge", UNKNOWN_OF_HINGE)

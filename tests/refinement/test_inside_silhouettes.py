@@ -169,7 +169,7 @@ def test_at_the_base_pose_the_residual_is_the_dense_sum_and_so_is_its_gradient(f
     with jax.enable_x64(True):
 
         def placed(unknowns):
-            return place(skeleton, HINGED.moved(unknowns, base, skeleton))
+            return place(skeleton, HINGED.retract(unknowns, base, skeleton))
 
         @jax.jit
         def ends(unknowns):
@@ -199,7 +199,7 @@ def test_jacobian_is_that_of_finite_differences(filmed):
 
         @jax.jit
         def residual(unknowns):
-            return term.residual(place(skeleton, HINGED.moved(unknowns, base, skeleton)), seen, fixed)
+            return term.residual(place(skeleton, HINGED.retract(unknowns, base, skeleton)), seen, fixed)
 
         jacobian = jax.jit(jax.jacfwd(residual))(zeros)
         expected = [(residual(row) - residual(-row)) / 2e-6 for row in 1e-6 * jnp.eye(len(zeros))]

@@ -8,7 +8,7 @@ from support.phantoms import ideal_graph, pose_of
 
 from jaxskel import Pose, default_adult, learn_weights, refine_frames
 from jaxskel.refinement.parametrisations import ExactBones
-from jaxskel.refinement.solvers import LevenbergMarquardt
+from jaxskel.refinement.solvers import NormalEquationsLM
 from jaxskel.refinement.terms import Objective, RestPrior, from_function, place
 
 ADULT = jax.tree.map(lambda a: np.asarray(a, np.float32), default_adult())
@@ -61,7 +61,7 @@ def frames(tree, which):
 
 
 def error(objective, which) -> float:
-    solver = LevenbergMarquardt(rtol=1e-4, atol=1e-5)
+    solver = NormalEquationsLM(rtol=1e-4, atol=1e-5)
     found = refine_frames(objective, BONES, solver, ADULT, frames(INITIAL, which), frames(OBSERVED, which), 2, 40)
     return float(np.linalg.norm(found.joints[:, :8] - TRUTH[which, :8], axis=-1).mean())
 

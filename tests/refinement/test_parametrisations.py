@@ -29,7 +29,7 @@ from jaxskel.refinement.terms import place
 ADULT = default_adult()
 # With the number of unknowns.
 ALL = {"exact bones": (ExactBones(), 31), "hinged limbs": (HingedLimbs(), 42)}
-POSES = {name: jax.jit(parametrisation.moved) for name, (parametrisation, _) in ALL.items()}
+POSES = {name: jax.jit(parametrisation.retract) for name, (parametrisation, _) in ALL.items()}
 segments = jax.jit(place_segments)
 every = pytest.mark.parametrize("name", ALL)
 
@@ -134,7 +134,7 @@ def test_what_the_unknowns_reach_depends_on_base_and_template_too(name):
     ends = []
     for body in (
         lambda given: parametrisation.reached(given[0], *given[1:]),
-        lambda given: place(given[2], parametrisation.moved(*given)),
+        lambda given: place(given[2], parametrisation.retract(*given)),
     ):
         given = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), (unknowns, free_pose(5), ADULT))
         ends.append(jax.jacrev(lambda given, body=body: body(given).joints[5])(given))
@@ -147,7 +147,7 @@ def test_nearby_is_the_pose_to_first_order():
     hinged = HingedLimbs()
     with jax.enable_x64(True):
         base, skeleton = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), (free_pose(4), ADULT))
-        nearby, pose = (jax.jit(lambda u, of=of: of(u, base, skeleton)) for of in (hinged.nearby, hinged.moved))
+        nearby, pose = (jax.jit(lambda u, of=of: of(u, base, skeleton)) for of in (hinged.nearby, hinged.retract))
         unknowns = jnp.asarray(np.random.default_rng(2).normal(size=42))
         for at_zero, expected in zip(jax.tree.leaves(nearby(0 * unknowns)), jax.tree.leaves(base), strict=True):
             np.testing.assert_allclose(at_zero, expected, atol=1e-12)
@@ -169,7 +169,7 @@ def test_motion_is_the_derivative_of_the_placed_body():
         body = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), make_body(ADULT))
         placed = place(skeleton, base)
         motion = hinged.motion(base, placed, skeleton)
-        expected = jax.jit(jax.jacfwd(lambda u: place(skeleton, hinged.moved(u, base, skeleton))))(jnp.zeros(42))
+        expected = jax.jit(jax.jacfwd(lambda u: place(skeleton, hinged.retract(u, base, skeleton))))(jnp.zeros(42))
         for name in ("joints", "tips", "rotations", "origins"):
             found = getattr(motion.of_body(placed), name)
             np.testing.assert_allclose(found, getattr(expected, name), atol=1e-9)
@@ -191,7 +191,7 @@ def test_no_two_unknowns_do_the_same(name):
     parametrisation, count = ALL[name]
 
     def body(unknowns):
-        placed = place(ADULT, parametrisation.moved(unknowns, base, ADULT))
+        placed = place(ADULT, parametrisation.retract(unknowns, base, ADULT))
         return jnp.concatenate([leaf.ravel() for leaf in jax.tree.leaves(placed)])
 
     base = jax.tree.map(jnp.asarray, pose_of(1))

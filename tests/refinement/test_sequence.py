@@ -54,7 +54,7 @@ def wave(frame: int):
     """A person who waves an arm: rotations change smoothly, the last joint fastest."""
     unknowns = np.zeros(31)
     unknowns[[0, 9 + 4, 9 + 6]] = 0.3 * np.sin(0.15 * frame + np.array([0.0, 1.0, 2.0]))
-    return BONES.moved(jnp.asarray(unknowns, jnp.float32), jax.tree.map(jnp.asarray, pose_of(5, 0.2)), ADULT)
+    return BONES.retract(jnp.asarray(unknowns, jnp.float32), jax.tree.map(jnp.asarray, pose_of(5, 0.2)), ADULT)
 
 
 POSES = [wave(frame) for frame in range(FRAMES)]

@@ -74,7 +74,7 @@ def test_jacobians_of_terms_are_finite_differences(name):
         @jax.jit
         def residual(unknowns):
             # The finite differences come as NumPy arrays.
-            return term.residual(place(skeleton, BONES.moved(jnp.asarray(unknowns), base, skeleton)), observed, fixed)
+            return term.residual(place(skeleton, BONES.retract(jnp.asarray(unknowns), base, skeleton)), observed, fixed)
 
         unknowns = 0.1 * jnp.asarray(np.random.default_rng(0).normal(size=UNKNOWNS))
         check_grads(residual, (unknowns,), order=1, modes=("fwd", "rev"), atol=1e-6, rtol=1e-6, eps=1e-5)

@@ -67,7 +67,7 @@ def covered():
 
 
 def ends_of(term, skeleton, base, unknowns):
-    body = place(skeleton, HINGED.moved(unknowns, base, skeleton))
+    body = place(skeleton, HINGED.retract(unknowns, base, skeleton))
     return capsule_ends(term.body, body.origins, body.rotations)
 
 
@@ -80,7 +80,7 @@ def test_coverage_is_the_dense_sum_over_points(covered):
         for spread in (0.0, 0.02, 0.1):
             unknowns = jnp.asarray(spread * rng.normal(size=len(zeros)))
             moved = np.asarray(ends_of(term, skeleton, base, unknowns))
-            residual = term.residual(place(skeleton, HINGED.moved(unknowns, base, skeleton)), observed, fixed)
+            residual = term.residual(place(skeleton, HINGED.retract(unknowns, base, skeleton)), observed, fixed)
             # What no point holds is held by a millionth of the squared displacement of the ends.
             held = 1e-6 * ((moved - start) ** 2).sum()
             expected = dense(points, start, moved, radii) + held
@@ -98,7 +98,7 @@ def test_gradient_of_coverage_is_that_of_the_dense_sum(covered):
         @jax.jit
         @jax.grad
         def gradient(unknowns):
-            residual = term.residual(place(skeleton, HINGED.moved(unknowns, base, skeleton)), observed, fixed)
+            residual = term.residual(place(skeleton, HINGED.retract(unknowns, base, skeleton)), observed, fixed)
             return 0.5 * (residual**2).sum()
 
         # The dense sum is quadratic in the ends: central differences are its gradient up to rounding.

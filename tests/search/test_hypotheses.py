@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from jaxskel import Pose
 from jaxskel.search import Hypotheses
-from jaxskel.search._hypotheses import Pool, pool_of, promising
+from jaxskel.search._hypotheses import Pool, pool_of, select_distinct
 
 
 def numbered(number: np.ndarray) -> Pose:
@@ -72,29 +72,29 @@ def test_promising_by_hand():
     # Poses 1 m apart, but for 0 and 2, which are alike.
     found = pool([3, 3, 3, 3, 8, 8], [5.0, 9.0, 4.0, 20.0, 1.0, 1.5])
     found.poses.root[0] = found.poses.root[2] + 0.005
-    assert promising(found, 10.0, 9).tolist() == [False, True, True, False, True, True]
-    assert promising(found, 30.0, 9).tolist() == [False, True, True, True, True, True]
-    assert promising(found, 10.0, 1).tolist() == [False, False, True, False, True, False]
+    assert select_distinct(found, 10.0, 9).tolist() == [False, True, True, False, True, True]
+    assert select_distinct(found, 30.0, 9).tolist() == [False, True, True, True, True, True]
+    assert select_distinct(found, 10.0, 1).tolist() == [False, False, True, False, True, False]
     # What is known is compared with, and not chosen.
     known = pool([3, 8], [0.0, 3.0])
     known.poses.root[0] = found.poses.root[2]
     known.poses.root[1] = 7.0
-    assert promising(found, 10.0, 1, known=known).tolist() == [False, True, False, False, True, False]
+    assert select_distinct(found, 10.0, 1, known=known).tolist() == [False, True, False, False, True, False]
 
 
 def test_poses_differ_by_the_segments_asked_for():
     found = pool([0, 0], [1.0, 2.0])
     found.poses.root[1] = found.poses.root[0]
     found.poses.rotations[1, 4] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
-    assert promising(found, 9.0, 9).tolist() == [True, True]
-    assert promising(found, 9.0, 9, np.array([0, 1, 2])).tolist() == [True, False]
+    assert select_distinct(found, 9.0, 9).tolist() == [True, True]
+    assert select_distinct(found, 9.0, 9, np.array([0, 1, 2])).tolist() == [True, False]
 
 
 @given(st.lists(st.tuples(st.integers(0, 2), st.integers(0, 9), st.integers(0, 4)), min_size=1, max_size=20))
 def test_of_each_frame_the_cheapest_is_promising(members):
     found = pool([frame for frame, _, _ in members], [float(cost) for _, cost, _ in members])
     found.poses.root[:] = np.array([place for _, _, place in members])[:, None]
-    chosen = promising(found, 3.0, 2)
+    chosen = select_distinct(found, 3.0, 2)
     for frame in np.unique(found.frame):
         mine = np.flatnonzero(found.frame == frame)
         went = mine[chosen[mine]]

@@ -37,7 +37,7 @@ def test_they_are_those_of_the_whole_jacobian(name):
         matrix, vector = jnp.asarray(roots @ roots.swapaxes(1, 2)), jnp.asarray(rng.normal(size=roots.shape[:2]))
 
         def ends(unknowns):
-            placed = place(body.skeleton, HINGED.moved(unknowns, base, body.skeleton))
+            placed = place(body.skeleton, HINGED.retract(unknowns, base, body.skeleton))
             return jnp.asarray(capsule_ends(body, placed.origins, placed.rotations))
 
         @jax.jit

@@ -175,7 +175,7 @@ def test_a_step_of_descent_lowers_what_it_linearised(filmed):
 
     @jax.jit
     def step(unknowns):
-        base = hinged.moved(unknowns, truth, model.skeleton)
+        base = hinged.retract(unknowns, truth, model.skeleton)
         fixed = model.objective.correspond(place(model.skeleton, base), observed)
 
         def cost(pose):

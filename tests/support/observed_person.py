@@ -4,7 +4,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from scipy.spatial.transform import Rotation
-from support.phantoms import ideal_graph, ring
 
 from jaxskel import Pose, default_adult
 from jaxskel.body import SEGMENT_NAMES, SEGMENT_PARENTS, make_body, nearest_capsule, place_body
@@ -13,6 +12,7 @@ from jaxskel.outlines import contours, silhouette_distances
 from jaxskel.refinement.parametrisations import HingedLimbs
 from jaxskel.refinement.terms import Observed
 from jaxskel.synthetic import render
+from support.phantoms import ideal_graph, ring
 
 ADULT = jax.tree.map(lambda a: np.asarray(a, np.float32), default_adult())
 BODY = jax.tree.map(lambda a: a if a.dtype == np.int32 else np.asarray(a, np.float32), make_body(default_adult()))
@@ -46,9 +46,9 @@ def observe(pose: Pose) -> Observed:
     ends, radii = place_body(make_body(default_adult()), jax.tree.map(lambda a: a[None], pose))
     given = (jnp.asarray(a, jnp.float32) for a in (GRID.centres(), ends[0], radii))
     hulls = hulls_from_dense(np.asarray(jax.jit(nearest_capsule)(*given)[1] < 0).reshape(1, *GRID.shape), GRID)
-    seen, lost = render(CAMERAS, ends, radii), np.zeros((1, len(CAMERAS)), bool)
+    seen, empty_views = render(CAMERAS, ends, radii), np.zeros((1, len(CAMERAS)), bool)
     outlines, inside = (
-        jax.tree.map(lambda a: a[0], each(seen, CAMERAS, lost)) for each in (contours, silhouette_distances)
+        jax.tree.map(lambda a: a[0], each(seen, CAMERAS, empty_views)) for each in (contours, silhouette_distances)
     )
     graph = ideal_graph(ADULT, pose)
     return Observed(graph.paths, graph.found, graph.neck, graph.pelvis, *hull_volume(hulls, 0), outlines, inside)

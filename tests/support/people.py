@@ -3,7 +3,7 @@
 import numpy as np
 
 from jaxskel import Recording, default_adult
-from jaxskel._runtime.batching import taken
+from jaxskel._runtime.batching import take
 from jaxskel.body import BALL_NAMES, Body, Pose, place_body
 from jaxskel.recording import Truth
 from jaxskel.synthetic import camera_ring, demo_motion, draw_adult, render
@@ -22,7 +22,7 @@ def other_person() -> Body:
 def film_person(body: Body, frames: int) -> tuple[Recording, Pose]:
     """Film a body in poses from all of the demo's motion."""
     every = demo_motion(body.skeleton, 60)
-    motion = taken(every, np.linspace(0, 59, frames).astype(int))
+    motion = take(every, np.linspace(0, 59, frames).astype(int))
     cameras = camera_ring(size=(400, 300))
     silhouettes = render(cameras, *place_body(body, motion))
     nowhere = Truth(np.full((frames, 15, 3), np.nan))

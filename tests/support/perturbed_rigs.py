@@ -3,7 +3,6 @@
 import jax
 import numpy as np
 from scipy.spatial.transform import Rotation
-from support.phantoms import chain, film, ring
 
 from jaxskel import Cameras, Recording, make_cameras
 from jaxskel._runtime.batching import single_precision
@@ -12,6 +11,7 @@ from jaxskel.camera_calibration.from_silhouettes._contacts import Contacts, find
 from jaxskel.camera_calibration.from_silhouettes._distance_images import DistanceImages, distance_images
 from jaxskel.camera_calibration.from_silhouettes._sight_lines import SightLines, sight_lines
 from jaxskel.cameras import ExtrinsicChange, no_change
+from support.phantoms import chain, film, ring
 
 # Few cameras, since work grows by the square of their number; the first and the third face each other, and so do the
 # other two.
@@ -64,9 +64,9 @@ def filmed_with_lenses() -> Recording:
 def looked_up(recording: Recording, rig: Cameras) -> tuple[SightLines, DistanceImages, Contacts]:
     """Rays, distances and contacts of a rig on four frames; middles are those of `body`."""
     silhouettes = np.asarray(recording.silhouettes[:4])
-    lost = ~silhouettes.any((2, 3))
-    images = distance_images(silhouettes, rig, lost, 40)
-    lines = sight_lines(silhouettes, rig, lost, images, 80)
+    empty_views = ~silhouettes.any((2, 3))
+    images = distance_images(silhouettes, rig, empty_views, 40)
+    lines = sight_lines(silhouettes, rig, empty_views, images, 80)
     middles = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (len(silhouettes), 1))
     contacts = find_contacts(single_precision(rig), single_precision(lines), images, middles)
     double = jax.tree.map(lambda a: np.asarray(a, np.float64) if a.dtype.kind == "f" else np.asarray(a), contacts)

@@ -12,7 +12,7 @@ from jaxtyping import Bool, UInt8
 
 from ...cameras import Cameras, rays
 from ...hull import VoxelGrid, agreement, body_middles, carve, projection_table, reproject
-from ...recording import lost_views, silhouette_areas, silhouette_centroids, unpack_silhouettes
+from ...recording import find_empty_views, silhouette_areas, silhouette_centroids, unpack_silhouettes
 
 # Half a turn about the normal of the board.
 HALF_TURN = np.diag([-1.0, -1.0, 1.0])
@@ -37,8 +37,8 @@ def settle_turns(
         Which cameras are to be turned, and the coverage of the silhouettes that this choice gives; None where the
         silhouettes do not tell.
     """
-    lost = lost_views(silhouette_areas(silhouettes), cameras)
-    whole = np.flatnonzero(~lost.any(1))
+    empty_views = find_empty_views(silhouette_areas(silhouettes), cameras)
+    whole = np.flatnonzero(~empty_views.any(1))
     if len(whole) == 0:
         return None
     some = whole[np.unique(np.linspace(0, len(whole) - 1, _FRAMES).astype(int))]

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from ..._math.rotations import turned
-from ..._runtime.compile_cache import kept
+from ..._runtime.compile_cache import cached_jit
 from ...cameras import Cameras, ExtrinsicChange, on_images, optical_centres
 from ._contacts import Contacts
 from ._distance_images import DistanceImages
@@ -34,7 +34,7 @@ class Sensitivity(eqx.Module):
     """By the rotation vector (px/rad) and the shift (px/m) of each camera."""
 
 
-@kept
+@cached_jit
 def coherence(
     change: ExtrinsicChange, cameras: Cameras, lines: SightLines, images: DistanceImages, contacts: Contacts
 ) -> Float[Array, "frames rays"]:
@@ -47,7 +47,7 @@ def coherence(
     return _values(each, cameras, images, rays).reshape(contacts.depth.shape)
 
 
-@kept
+@cached_jit
 def sensitivity(cameras: Cameras, lines: SightLines, images: DistanceImages, contacts: Contacts) -> Sensitivity:
     """What `coherence` is without a change, and how it begins to change."""
     rays = _flat(cameras, lines, images, contacts)

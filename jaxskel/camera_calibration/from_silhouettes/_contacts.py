@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ..._runtime.compile_cache import kept
+from ..._runtime.compile_cache import cached_jit
 from ...cameras import Cameras, optical_centres, project
 from ._distance_images import DistanceImages
 from ._sight_lines import SightLines
@@ -38,7 +38,7 @@ class Contacts(eqx.Module):
     """Some other view sees the place."""
 
 
-@kept
+@cached_jit
 def find_contacts(
     cameras: Cameras,
     lines: SightLines,

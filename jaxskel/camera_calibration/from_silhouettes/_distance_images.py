@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt8
 
-from ..._runtime.compile_cache import kept
+from ..._runtime.compile_cache import cached_jit
 from ...cameras import Cameras
 from ...outlines import signed_distances
 from ...recording import person_boxes
@@ -58,7 +58,7 @@ def cell_size(silhouettes: UInt8[np.ndarray, "*stack h w8"]) -> int:
 def distance_images(
     silhouettes: UInt8[np.ndarray, "frames cams h w8"],
     cameras: Cameras,
-    lost: Bool[np.ndarray, "frames cams"],
+    empty_views: Bool[np.ndarray, "frames cams"],
     farthest: int,
 ) -> DistanceImages:
     """Distance images of some frames.
@@ -66,19 +66,19 @@ def distance_images(
     Args:
         silhouettes: Packed bits.
         cameras: The rig.
-        lost: Views that show no person.
+        empty_views: Views that show no person.
         farthest: Distances are exact up to this, and never larger (px).
     """
     frames, views, height, width = *silhouettes.shape[:3], 8 * silhouettes.shape[3]
     step = cell_size(silhouettes)
     values = np.zeros((frames, views, -(-height // step), -(-width // step)), np.float32)
-    for frame, view in zip(*np.nonzero(~lost), strict=True):
+    for frame, view in zip(*np.nonzero(~empty_views), strict=True):
         right, low = cameras.size[view].tolist()
         packed = silhouettes[frame, view, :low]
         cells = signed_distances(packed, right, step, farthest, fine=True)
         cells = np.minimum(cells, _to_cut_edges(packed, right, step, cells.shape))
         values[frame, view, : len(cells), : cells.shape[1]] = cells
-    size = np.where(lost[..., None], 0, cameras.size).astype(np.int32)
+    size = np.where(empty_views[..., None], 0, cameras.size).astype(np.int32)
     return DistanceImages(values.reshape(-1, *values.shape[2:]), np.array(step, np.int32), size.reshape(-1, 2))
 
 
@@ -108,7 +108,7 @@ def _to_cut_edges(
     return found
 
 
-@kept
+@cached_jit
 def onto_outlines(
     images: DistanceImages, image: Int[Array | np.ndarray, " points"], uv: Float[Array | np.ndarray, "points 2"]
 ) -> Float[Array, "points 2"]:

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ..._math.rotations import cross, turned
-from ..._runtime.compile_cache import kept
+from ..._runtime.compile_cache import cached_jit
 from ...cameras import Cameras, optical_centres
 from ._coherence import Sensitivity
 from ._outline_chains import OutlineChains
@@ -143,7 +143,7 @@ def _are_one(one: _Planes, other: _Planes, gate: float) -> Bool[np.ndarray, "pai
     return found
 
 
-@kept
+@cached_jit
 def tangent_sensitivity(cameras: Cameras, tangents: EpipolarTangents) -> Sensitivity:
     """By how much the planes of each pair miss each other (px), 0 where there is none, and how that begins to change.
 

@@ -39,7 +39,7 @@ class OutlineChains(eqx.Module):
 def outline_chains(
     silhouettes: UInt8[np.ndarray, "frames cams h w8"],
     cameras: Cameras,
-    lost: Bool[np.ndarray, "frames cams"],
+    empty_views: Bool[np.ndarray, "frames cams"],
     images: DistanceImages,
 ) -> OutlineChains:
     """Follow the outlines of some frames, past gaps that pixels do not resolve (see `without_gaps`).
@@ -47,10 +47,10 @@ def outline_chains(
     Args:
         silhouettes: Packed bits.
         cameras: The rig; extrinsics are not used.
-        lost: Views that are left out. Those where the edge of the image cuts the person off are left out, too.
+        empty_views: Views that are left out. Those where the edge of the image cuts the person off are left out, too.
         images: Of the same silhouettes, without gaps: they tell where between the pixels the outline is.
     """
-    found = _followed(silhouettes, cameras, lost, int(images.step))
+    found = _followed(silhouettes, cameras, empty_views, int(images.step))
     on_outline, directions = _between_pixels(found, cameras, images)
     # Where a lens shows nothing one-to-one, an outline is followed past the gap.
     seen = np.isfinite(directions).all(1)
@@ -62,8 +62,8 @@ def outline_chains(
     before, behind = on_outline - on_outline[neighbours[:, 0]], on_outline[neighbours[:, -1]] - on_outline
     # OpenCV follows an outer outline with the person on its left as one sees the image, that of a hole likewise.
     convex = before[:, 0] * behind[:, 1] - before[:, 1] * behind[:, 0] < 0
-    count = np.bincount(found.image[seen], minlength=lost.size).reshape(lost.shape)
-    first = (np.cumsum(count) - count.ravel()).reshape(lost.shape)
+    count = np.bincount(found.image[seen], minlength=empty_views.size).reshape(empty_views.shape)
+    first = (np.cumsum(count) - count.ravel()).reshape(empty_views.shape)
     return OutlineChains(directions, neighbours, convex, found.error[seen], first, count)
 
 
@@ -81,12 +81,12 @@ class _Followed(NamedTuple):
 def _followed(
     silhouettes: UInt8[np.ndarray, "frames cams h w8"],
     cameras: Cameras,
-    lost: Bool[np.ndarray, "frames cams"],
+    empty_views: Bool[np.ndarray, "frames cams"],
     step: int,
 ) -> _Followed:
     chains, errors = [np.zeros((0, 2), int)], [np.zeros(0)]
     images: list[int] = []
-    for frame, view in zip(*np.nonzero(~lost), strict=True):
+    for frame, view in zip(*np.nonzero(~empty_views), strict=True):
         width, height = cameras.size[view].tolist()
         mask = unpacked_box(silhouettes[frame, view, :height], 0, height, 0, width)
         found, error = _chains(without_gaps(mask, step)), outline_error(mask, step)

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 from ..._runtime.batching import single_precision
 from ...cameras import Cameras, ExtrinsicChange, changed, no_change
 from ...hull import body_middles
-from ...recording import MIN_VIEWS, Recording, lost_views, silhouette_areas
+from ...recording import MIN_VIEWS, Recording, find_empty_views, silhouette_areas
 from ._closed_gaps import silhouettes_without_gaps
 from ._coherence import NOTHING, Sensitivity, sensitivity
 from ._contacts import Contacts, find_contacts
@@ -98,11 +98,11 @@ def refine_cameras(
             raise ValueError(f"{name} {value}: give a standard deviation above zero, in radians or metres")
     # Names are no numbers, and other names would compile again.
     given = replace(recording.cameras, names=tuple(map(str, range(len(recording.cameras)))))
-    chosen, lost = _frames(recording, frames)
+    chosen, empty_views = _frames(recording, frames)
     if len(chosen) == 0:
         return _unrefined(recording.cameras)
 
-    outlines = _outlines(np.asarray(recording.silhouettes[chosen]), given, lost, rotation_sd)
+    outlines = _outlines(np.asarray(recording.silhouettes[chosen]), given, empty_views, rotation_sd)
     given_sd = np.repeat((rotation_sd, shift_sd), 3)
     total, sd, gate, least, waited = np.zeros((len(given), 6)), given_sd, 0.0, np.inf, 0
     rig, found = given, outlines.seen_by(given)
@@ -190,15 +190,15 @@ class _Outlines(eqx.Module):
 def _outlines(
     silhouettes: UInt8[np.ndarray, "frames cams h w8"],
     cameras: Cameras,
-    lost: Bool[np.ndarray, "frames cams"],
+    empty_views: Bool[np.ndarray, "frames cams"],
     rotation_sd: float,
 ) -> _Outlines:
     focal = float(np.asarray(cameras.K)[:, 0, 0].max())
     closed = silhouettes_without_gaps(silhouettes, cell_size(silhouettes))
-    images = distance_images(closed, cameras, lost, int(np.ceil(_SIGMAS * rotation_sd * focal)))
-    lines = sight_lines(closed, cameras, lost, images, _RAYS)
-    chains = outline_chains(silhouettes, cameras, lost, images)
-    return _Outlines(lines, chains, jax.device_put(images), body_middles(cameras, silhouettes, lost))
+    images = distance_images(closed, cameras, empty_views, int(np.ceil(_SIGMAS * rotation_sd * focal)))
+    lines = sight_lines(closed, cameras, empty_views, images, _RAYS)
+    chains = outline_chains(silhouettes, cameras, empty_views, images)
+    return _Outlines(lines, chains, jax.device_put(images), body_middles(cameras, silhouettes, empty_views))
 
 
 def _frames(
@@ -214,13 +214,13 @@ def _frames(
         outside = asked[(asked < 0) | (asked >= len(recording))]
         if len(outside):
             raise ValueError(f"{recording.name}: there is no frame {outside[0]}; give 0 to {len(recording) - 1}")
-    lost = np.zeros((0, len(recording.cameras)), bool)
+    empty_views = np.zeros((0, len(recording.cameras)), bool)
     if len(asked):
-        lost = lost_views(silhouette_areas(recording.silhouettes)[asked], recording.cameras)
-    usable = np.flatnonzero((~lost).sum(1) >= MIN_VIEWS)
+        empty_views = find_empty_views(silhouette_areas(recording.silhouettes)[asked], recording.cameras)
+    usable = np.flatnonzero((~empty_views).sum(1) >= MIN_VIEWS)
     if isinstance(frames, int) and len(usable):
         usable = usable[np.unique(np.linspace(0, len(usable) - 1, frames).astype(int))]
-    return asked[usable], lost[usable]
+    return asked[usable], empty_views[usable]
 
 
 def _moved(cameras: Cameras, unknowns: Float[np.ndarray, "cams 6"]) -> Cameras:

@@ -25,7 +25,7 @@ class SightLines(eqx.Module):
 def sight_lines(
     silhouettes: UInt8[np.ndarray, "frames cams h w8"],
     cameras: Cameras,
-    lost: Bool[np.ndarray, "frames cams"],
+    empty_views: Bool[np.ndarray, "frames cams"],
     images: DistanceImages,
     count: int,
 ) -> SightLines:
@@ -34,13 +34,13 @@ def sight_lines(
     Args:
         silhouettes: Packed bits.
         cameras: The rig; extrinsics are not used.
-        lost: Views that are left out.
+        empty_views: Views that are left out.
         images: Of the same silhouettes: they tell where between the pixels the outline is.
         count: Number of rays of a view, and of frame.
     """
-    frames, views = lost.shape
+    frames, views = empty_views.shape
     points, there = np.zeros((frames, views, count, 2), np.float32), np.zeros((frames, views, count), bool)
-    for frame, view in zip(*np.nonzero(~lost), strict=True):
+    for frame, view in zip(*np.nonzero(~empty_views), strict=True):
         width, height = (int(n) for n in cameras.size[view])
         along = outline(silhouettes[frame, view, :height], width)
         # They are in the order of rows and columns, so one of so many is spread over the outline.

@@ -6,8 +6,8 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from ..._runtime.compile_cache import kept
-from ...refinement.solvers import LevenbergMarquardt
+from ..._runtime.compile_cache import cached_jit
+from ...refinement.solvers import NormalEquationsLM
 from ._coherence import Sensitivity
 
 # Noise (px, standard deviation) that even the outlines of clean masks have, from their pixels.
@@ -20,7 +20,7 @@ _FROM_MEDIAN = 1.48
 _TAIL = 3.0
 # Errors of planes are alike even where no others touch the same place: at least so many count as one.
 _PLANES_ALIKE = 3.0
-_SOLVER = LevenbergMarquardt(rtol=1e-3, atol=1e-3)
+_SOLVER = NormalEquationsLM(rtol=1e-3, atol=1e-3)
 _MAX_STEPS = 30
 
 
@@ -38,7 +38,7 @@ def noise_of(residuals: Float[Array | np.ndarray, " rays"], least: float) -> flo
     return max(least, _FROM_MEDIAN * float(np.median(residuals))) if np.size(residuals) else least
 
 
-@kept
+@cached_jit
 def camera_step(
     rays: Sensitivity,
     tangents: Sensitivity,

@@ -22,7 +22,7 @@ class Parametrisation(Protocol):
         """The unknowns of any base: zeros."""
         ...
 
-    def moved(self, unknowns: Float[Array, " unknowns"], base: Any, skeleton: Skeleton) -> Any:
+    def retract(self, unknowns: Float[Array, " unknowns"], base: Any, skeleton: Skeleton) -> Any:
         """The base that the unknowns lead to."""
         ...
 
@@ -34,7 +34,7 @@ class Parametrisation(Protocol):
         """The skeleton in the world that the unknowns lead to: `placed` after `moved`, for solvers to differentiate."""
         ...
 
-    def held(self, base: Any, skeleton: Skeleton) -> dict[str, Float[Array, "..."]]:
+    def constraint_residuals(self, base: Any, skeleton: Skeleton) -> dict[str, Float[Array, "..."]]:
         """Weighted residuals of what is not exact by itself, by name; they join those of the objective."""
         ...
 
@@ -58,7 +58,7 @@ class JointRotations(eqx.Module):
         """The unknowns of the base pose: zeros."""
         raise NotImplementedError
 
-    def moved(self, unknowns: Float[Array, " unknowns"], base: Pose, skeleton: Skeleton) -> Pose:
+    def retract(self, unknowns: Float[Array, " unknowns"], base: Pose, skeleton: Skeleton) -> Pose:
         """The pose that the unknowns stand for."""
         raise NotImplementedError
 
@@ -68,9 +68,9 @@ class JointRotations(eqx.Module):
 
     def reached(self, unknowns: Float[Array, " unknowns"], base: Pose, skeleton: Skeleton) -> PlacedBody:
         """The skeleton in the world that the unknowns lead to."""
-        return self.placed(self.moved(unknowns, base, skeleton), skeleton)
+        return self.placed(self.retract(unknowns, base, skeleton), skeleton)
 
-    def held(self, base: Pose, skeleton: Skeleton) -> dict[str, Float[Array, "..."]]:
+    def constraint_residuals(self, base: Pose, skeleton: Skeleton) -> dict[str, Float[Array, "..."]]:
         """Nothing."""
         return {}
 

@@ -28,7 +28,7 @@ class ExactBones(JointRotations):
         """The unknowns of the base pose: zeros."""
         return jnp.zeros(3 + 3 * len(_FREE) + 2 * len(_BONES))
 
-    def moved(self, unknowns: Float[Array, " unknowns"], base: Pose, skeleton: Skeleton) -> Pose:
+    def retract(self, unknowns: Float[Array, " unknowns"], base: Pose, skeleton: Skeleton) -> Pose:
         """The pose that the unknowns stand for."""
         free = unknowns[3 : 3 + 3 * len(_FREE)].reshape(-1, 3)
         across = unknowns[3 + 3 * len(_FREE) :].reshape(-1, 2)

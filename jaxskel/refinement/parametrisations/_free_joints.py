@@ -61,7 +61,9 @@ class FreeJoints(eqx.Module):
         """The unknowns of any base: zeros."""
         return jnp.zeros(3 * _COUNT)
 
-    def moved(self, unknowns: Float[Array, " unknowns=45"], base: JointPositions, skeleton: Skeleton) -> JointPositions:
+    def retract(
+        self, unknowns: Float[Array, " unknowns=45"], base: JointPositions, skeleton: Skeleton
+    ) -> JointPositions:
         """The joints displaced, the segments turned with their bones."""
         joints = base.joints + unknowns.reshape(-1, 3)
         before, after = (points[_LINES[:, 1]] - points[_LINES[:, 0]] for points in (base.joints, joints))
@@ -79,9 +81,9 @@ class FreeJoints(eqx.Module):
 
     def reached(self, unknowns: Float[Array, " unknowns"], base: JointPositions, skeleton: Skeleton) -> PlacedBody:
         """The skeleton in the world that the unknowns lead to."""
-        return self.placed(self.moved(unknowns, base, skeleton), skeleton)
+        return self.placed(self.retract(unknowns, base, skeleton), skeleton)
 
-    def held(self, base: JointPositions, skeleton: Skeleton) -> dict[str, Float[Array, " lengths=15"]]:
+    def constraint_residuals(self, base: JointPositions, skeleton: Skeleton) -> dict[str, Float[Array, " lengths=15"]]:
         """Weighted differences of the lengths from the template's, shifted by the multipliers."""
         return {"bone_lengths": jnp.sqrt(self.weight) * (length_errors(base.joints, skeleton) + base.multipliers)}
 

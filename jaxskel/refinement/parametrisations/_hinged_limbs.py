@@ -75,7 +75,7 @@ class HingedLimbs(JointRotations):
         """The unknowns of the base pose: zeros."""
         return jnp.zeros(3 + int(_COUNTS.sum()))
 
-    def moved(self, unknowns: Float[Array, " unknowns"], base: Pose, skeleton: Skeleton) -> Pose:
+    def retract(self, unknowns: Float[Array, " unknowns"], base: Pose, skeleton: Skeleton) -> Pose:
         """The pose that the unknowns stand for."""
         # What turns a segment turns all that hang on it.
         whole = exponential(self._turns(unknowns, base, skeleton))

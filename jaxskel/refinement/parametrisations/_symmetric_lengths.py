@@ -43,10 +43,10 @@ class SymmetricLengths(eqx.Module):
         """The unknowns of any base: zeros."""
         return jnp.concatenate([self.rotations.unknowns(), jnp.zeros(len(LENGTH_NAMES))])
 
-    def moved(self, unknowns: Float[Array, " unknowns"], base: StretchedPose, skeleton: Skeleton) -> StretchedPose:
+    def retract(self, unknowns: Float[Array, " unknowns"], base: StretchedPose, skeleton: Skeleton) -> StretchedPose:
         """The pose turned, the lengths stretched."""
         turns, stretch = unknowns[: -len(LENGTH_NAMES)], unknowns[-len(LENGTH_NAMES) :]
-        pose = self.rotations.moved(turns, base.pose, self._template(base, skeleton))
+        pose = self.rotations.retract(turns, base.pose, self._template(base, skeleton))
         return StretchedPose(pose, base.stretch + stretch)
 
     def placed(self, base: StretchedPose, skeleton: Skeleton) -> PlacedBody:
@@ -55,9 +55,9 @@ class SymmetricLengths(eqx.Module):
 
     def reached(self, unknowns: Float[Array, " unknowns"], base: StretchedPose, skeleton: Skeleton) -> PlacedBody:
         """The skeleton in the world that the unknowns lead to."""
-        return self.placed(self.moved(unknowns, base, skeleton), skeleton)
+        return self.placed(self.retract(unknowns, base, skeleton), skeleton)
 
-    def held(self, base: StretchedPose, skeleton: Skeleton) -> dict[str, Float[Array, " lengths=8"]]:
+    def constraint_residuals(self, base: StretchedPose, skeleton: Skeleton) -> dict[str, Float[Array, " lengths=8"]]:
         """Weighted logarithms of the lengths over the template's."""
         return {"bone_lengths": jnp.sqrt(self.weight) * base.stretch}
 

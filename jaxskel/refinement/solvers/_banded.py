@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
-from ._levenberg_marquardt import AbstractEquations, LevenbergMarquardt, not_zero
+from ._levenberg_marquardt import AbstractEquations, NormalEquationsLM, not_zero
 
 # A coupling looks at a frame, the one before and the one after.
 _REACH = 3
@@ -145,6 +145,6 @@ def _square(a: Array, b: Array, c: Array, d: Array) -> Array:
     return jnp.concatenate([jnp.concatenate([a, b], 2), jnp.concatenate([c, d], 2)], 1)
 
 
-def sequence_solver() -> LevenbergMarquardt:
+def sequence_solver() -> NormalEquationsLM:
     """Levenberg-Marquardt for `refine_sequence`, to three millimetres or milliradians."""
-    return LevenbergMarquardt(rtol=1e-2, atol=3e-3, equations=BandedEquations)
+    return NormalEquationsLM(rtol=1e-2, atol=3e-3, equations=BandedEquations)

@@ -93,7 +93,7 @@ class _State(eqx.Module):
     result: optx.RESULTS
 
 
-class LevenbergMarquardt(optx.AbstractLeastSquaresSolver):
+class NormalEquationsLM(optx.AbstractLeastSquaresSolver):
     """Levenberg-Marquardt on normal equations; tolerances as in `optimistix.LevenbergMarquardt`, and one more."""
 
     rtol: float
@@ -189,4 +189,4 @@ def _half_product(one: Any, other: Any) -> Float[Array, ""]:
 
 def default_solver() -> optx.AbstractLeastSquaresSolver:
     """Levenberg-Marquardt to three millimetres or milliradians."""
-    return LevenbergMarquardt(rtol=1e-2, atol=3e-3)
+    return NormalEquationsLM(rtol=1e-2, atol=3e-3)

@@ -58,7 +58,7 @@ def stages_of_frames(
         # views there is no hull.
         refused = ~np.isin(seen.status, (Status.OK, Status.EMPTY, Status.TOO_FEW_VIEWS))
         if prepared.table is not None and refused.any():
-            everything = carve(silhouettes, prepared.table, seen.lost, prepared.max_misses)
+            everything = carve(silhouettes, prepared.table, seen.empty_views, prepared.max_misses)
         for frame in range(len(silhouettes)):
             surface, edges, named = np.zeros((0, 3)), np.zeros((0, 2, 3)), np.full((len(LABELS), 3), np.nan)
             if frame in person and seen.hulls is not None:
