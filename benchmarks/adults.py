@@ -66,7 +66,7 @@ def measured(path: Path) -> Float[np.ndarray, " quantities"]:
     assert problem.truth is not None
     found = np.asarray(place_joints(problem.skeleton, problem.initial)[0])
     used = np.linalg.norm(found - problem.truth, axis=-1).max(1) < _WRONG
-    initial, observed = jax.tree.map(np.asarray, (problem.initial, problem.observed.seen_only().thinned(3)))
+    initial, observed = jax.tree.map(np.asarray, (problem.initial, problem.observed.thinned(3)))
     start, joints, stack = filled(initial), filled(problem.truth), on_device(observed)
     vector = bundle_adjust(template, prior, prior.mean, start, stack, used, _STEPS, 0.0, joints).shape.vector
     return np.concatenate([vector[:FLESH_FROM], vector[FLESH_FROM:] / template.height])

@@ -73,7 +73,7 @@ def calibrate_flesh(
     found = solve_frames(make_model(body), search, starts, fallback, observed)
     used = np.flatnonzero(found.cost[:, 0] <= np.quantile(found.cost[:, 0], _USED))
     poses, outlines = jax.tree.map(lambda a: a[used, :1], found.poses), take(observed.contours, used)
-    stack = on_device(take(observed.seen_only(), used))
+    stack = on_device(take(observed, used))
     costs = np.zeros(1)
     for _ in range(_ROUNDS):
         body = _updated(body, jax.tree.map(lambda a: a[:, 0], poses), outlines)

@@ -41,13 +41,6 @@ class SkeletalGraph:
         """The root, then the leaves in ascending geodesic distance from it (the paper's omega_1 ... omega_N)."""
         return forest_of([self]).end_nodes[0]
 
-    def path_to_root(self, node: int | np.integer) -> Int[np.ndarray, " path"]:
-        """Nodes from `node` up to the root, both included."""
-        path = [int(node)]
-        while path[-1] != 0:
-            path.append(int(self.parents[path[-1]]))
-        return np.array(path)
-
     def geodesics(self, sources: Int[np.ndarray, " sources"]) -> Float[np.ndarray, "nodes sources"]:
         """Length of the path between every node and some source nodes (m): gd(v, omega) of Eq. 1 and Eq. 5."""
         return forest_of([self]).geodesics(sources[None])[0]

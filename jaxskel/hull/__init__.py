@@ -7,9 +7,6 @@ for each frame that has none.
 from ._carve import carve as carve
 from ._carve_soft import carve_soft as carve_soft
 from ._connected_bodies import bodies_among as bodies_among
-from ._distance_field import DistanceField as DistanceField
-from ._distance_field import hull_volume as hull_volume
-from ._distance_field import hull_volumes as hull_volumes
 from ._frame_bits import FRAMES_PER_WORD as FRAMES_PER_WORD
 from ._grid import VoxelGrid as VoxelGrid
 from ._grid import make_grid as make_grid

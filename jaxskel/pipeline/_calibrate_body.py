@@ -130,7 +130,7 @@ def calibrate_body(
     template, sight = _look(recording, settings, skeleton, frames)
     prior = adults_prior(template)
     shape, body = prior.mean, measured_body(template, prior.mean)
-    stack = on_device(sight.observed.seen_only())
+    stack = on_device(sight.observed)
     for searching, adjusting in (STAGES[1:3], STAGES[3:5]):
         on_stage(searching)
         starts = start_poses(sight.limbs, sight.facing, body.skeleton)

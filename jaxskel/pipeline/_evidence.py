@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from ..cameras import Cameras
-from ..hull import Seen, hull_volumes
+from ..hull import Seen
 from ..matching import Limbs
 from ..outlines import RAYS, contours, credible, silhouette_distances
 from ..refinement.terms import Observed
@@ -22,7 +22,6 @@ def observed_volume(
     cameras: Cameras,
     middles: Float[np.ndarray, "people 3"],
     misses: int,
-    needs_hull: bool = False,
 ) -> Observed:
     """What graph, outlines and, on demand, the hull say: of the frames with a person, of whom there must be one."""
     own = silhouettes[seen.frames], cameras, seen.empty_views[seen.frames]
@@ -31,8 +30,4 @@ def observed_volume(
     outlines = contours(*own, 2 * RAYS if misses else RAYS)
     if misses:
         outlines = credible(outlines, distances, middles, (~own[2]).sum(1), RAYS)
-    field, surface = None, None
-    if needs_hull:
-        assert seen.hulls is not None
-        field, surface = hull_volumes(seen.hulls)
-    return Observed(limbs.paths, limbs.found, limbs.neck, limbs.pelvis, field, surface, outlines, distances)
+    return Observed(limbs.paths, limbs.found, limbs.neck, limbs.pelvis, outlines, distances)

@@ -60,7 +60,6 @@ def observe_batch(
     *,
     label: bool = True,
     outlines: bool = True,
-    needs_hull: bool = False,
     template: Callable[[list[SkeletalGraph]], Skeleton] | None = None,
     stopwatch: Stopwatch = lambda _: nullcontext(),
 ) -> Observation:
@@ -72,7 +71,6 @@ def observe_batch(
         settings: How.
         label: Whether to draw and label the graphs.
         outlines: Whether to look at the outlines of the silhouettes.
-        needs_hull: Whether the outlines come with the distances to the hull's surface, which take time.
         template: Given the graphs, the template to label them with; by default the one that is prepared.
         stopwatch: Told the stages ``carve``, ``graph``, ``match`` and ``observe``.
     """
@@ -87,7 +85,7 @@ def observe_batch(
         skeleton = prepared.skeleton if template is None else template(graphs)
         observation = observation._replace(labelled=label_graphs(graphs, skeleton, settings, stopwatch))
     if outlines:
-        observation = look_at_outlines(observation, prepared, needs_hull, stopwatch)
+        observation = look_at_outlines(observation, prepared, stopwatch)
     return observation
 
 
@@ -118,7 +116,6 @@ def label_graphs(
 def look_at_outlines(
     observation: Observation,
     prepared: Prepared,
-    needs_hull: bool = False,
     stopwatch: Stopwatch = lambda _: nullcontext(),
 ) -> Observation:
     """The same observation with what the outlines say, and the labels where there are any."""
@@ -127,6 +124,6 @@ def look_at_outlines(
     with stopwatch("observe"):
         middles = middles_of_people(seen, silhouettes, prepared.cameras)
         observed = observed_volume(
-            limbs, seen, silhouettes, prepared.cameras, middles, prepared.max_misses, needs_hull
+            limbs, seen, silhouettes, prepared.cameras, middles, prepared.max_misses
         )  # fmt: skip
     return observation._replace(outlines=Outlines(middles, observed))

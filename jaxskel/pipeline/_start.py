@@ -73,7 +73,7 @@ def start_of(
     # What is tracked needs graphs only where it is searched for, unless the objective looks at them.
     found = observe_batch(
         silhouettes, prepared, settings, label=tracking is None or objective.needs_graph, outlines=search is not None,
-        needs_hull=objective.needs_hull, stopwatch=stopwatch,
+        stopwatch=stopwatch,
     )  # fmt: skip
     if len(found.seen.frames) == 0:
         return found.seen, None, track

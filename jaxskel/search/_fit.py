@@ -37,7 +37,7 @@ def fit_scales(*rounds: tuple[float, int]) -> Scales:
 def fit_poses(body: Body, poses: Pose, observed: Observed, scales: Scales) -> Hypotheses:
     """Let hypotheses (axes ``frames hypotheses``) descend by `volume_objective` and order them by their cost."""
     frames = np.arange(len(poses.root))
-    found = fit_pool(body, pool_of(poses, frames), on_device(observed.seen_only()), scales)
+    found = fit_pool(body, pool_of(poses, frames), on_device(observed), scales)
     return found.rows(frames, poses.root.shape[1])
 
 

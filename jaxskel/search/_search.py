@@ -135,7 +135,7 @@ def solve_frames(
         Poses of the frames searched in, with axes ``some hypotheses``, the cheapest first.
     """
     frames = np.arange(len(fallback.root)) if frames is None else frames
-    stack = on_device(observed.seen_only())
+    stack = on_device(observed)
     most = search.trunks * search.pairs
 
     def searched(starts: Pose, frames: Int[np.ndarray, " some"]) -> Pool:

@@ -97,7 +97,7 @@ def track_frames(
     searched = np.flatnonzero((np.arange(count) + 1 + since) % every == 0) if every > 1 else np.arange(count)
     if track is None:
         searched = np.union1d(searched, [0])
-    stack = on_device(observed.seen_only())
+    stack = on_device(observed)
     sides = np.full(count, np.nan)
 
     def searched_in(frames: Int[np.ndarray, " some"]) -> Pool:

@@ -33,8 +33,6 @@ def test_lengths_by_hand():
     np.testing.assert_allclose(PERSON.depths, [0, 0.3, 1.0, 0.9, 0.8, 1.3, 1.3])
     np.testing.assert_allclose(PERSON.geodesics(np.array([2, 6]))[[0, 1, 2, 3, 5]].T,
                                [[1.0, 0.7, 0, 1.3, 1.7], [1.3, 1.0, 1.7, 1.6, 1.0]])  # fmt: skip
-    np.testing.assert_array_equal(PERSON.path_to_root(6), [6, 4, 1, 0])
-    np.testing.assert_array_equal(PERSON.path_to_root(0), [0])
 
 
 def test_end_nodes_ascend_from_the_root():

@@ -29,11 +29,9 @@ from jaxskel.refinement.terms import (
     GraphAttraction,
     HingeLimits,
     InnerNodeAttraction,
-    InsideHull,
     InsideSilhouettes,
     Objective,
     RestPrior,
-    SurfaceCoverage,
     Symmetry,
     from_function,
     place,
@@ -75,8 +73,6 @@ TERMS = {
     "graph attraction": (GraphAttraction(), HINGED, RAISED, 1e-5),
     "end nodes": (EndNodeAttraction(), HINGED, RAISED, 1e-5),
     "inner nodes": (InnerNodeAttraction(), HINGED, turned("pelvis", "x", 20), 1e-5),
-    "inside hull": (InsideHull(body=BODY), HINGED, RAISED, 0.008),
-    "surface coverage": (SurfaceCoverage(body=BODY, scale=1.0), HINGED, RAISED, 0.006),
     "inside silhouettes": (InsideSilhouettes(body=BODY), HINGED, RAISED, 0.003),
     "contour contact": (ContourContact(body=BODY, scale=1.0), HINGED, RAISED, 0.005),
     "arm collision": (ArmCollision(body=BODY), HINGED, turned("l_forearm", "x", -75), 0.001),
@@ -195,7 +191,7 @@ def solved(parametrisation, solver, observed, rounds=4, max_steps=400):
     rest = RestPrior(weight=1e-7, firmness=np.ones(16, np.float32))
     objective = Objective({"points": from_function(points, points_of(TRUTH), weight=100.0), "rest": rest})
     start = started(parametrisation, 0.1, COUNT)
-    seen = jax.tree.map(lambda a: jnp.broadcast_to(jnp.asarray(a), (COUNT, *a.shape)), observed.seen_only())
+    seen = jax.tree.map(lambda a: jnp.broadcast_to(jnp.asarray(a), (COUNT, *a.shape)), observed)
     seen = eqx.tree_at(lambda o: (o.contours, o.silhouettes), seen, (None, None))
     result = refine_frames(objective, parametrisation, solver, ADULT, start, seen, rounds, max_steps)
     before = np.stack([points_of(jax.tree.map(lambda a, i=i: a[i], start)) for i in range(COUNT)])

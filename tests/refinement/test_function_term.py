@@ -45,10 +45,9 @@ def test_a_function_is_a_term():
     np.testing.assert_allclose(
         Objective({"stick": term}).costs(body, observed)["stick"], 9 * (apart - 0.25) ** 2, rtol=1e-4
     )
-    assert not term.needs_hull
     assert not term.needs_graph
     assert from_function(cell(), 0.25, needs_graph=True).needs_graph
-    assert from_function(cell(), 0.25, needs_hull=True).needs_hull
+    assert from_function(cell(), 0.25, needs_outlines=True).needs_outlines
 
 
 def test_a_cell_run_again_is_the_same_function_and_a_changed_one_is_not():

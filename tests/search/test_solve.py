@@ -107,7 +107,7 @@ def test_limbs_that_are_freed_are_found_again(filmed, names):
     wrong = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), filmed.truth)
     for name in names:
         wrong = jax.vmap(lambda pose, limb=model.limbs[name]: with_limb(pose, limb, jnp.asarray(0)))(wrong)
-    given = model, wrong, jnp.arange(8), on_device(filmed.observed.seen_only())
+    given = model, wrong, jnp.arange(8), on_device(filmed.observed)
     found = _with_pairs(*given, names, 4) if len(names) == 2 else _with_single(*given, names[0], 4)
     ends = {"arm": ("elbow", "hand"), "leg": ("knee", "foot")}
     at = [JOINT_NAMES.index(f"{name[:2]}{end}") for name in names for end in ends[name[2:]]]

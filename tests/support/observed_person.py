@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from jaxskel import Pose, default_adult
 from jaxskel.body import SEGMENT_NAMES, SEGMENT_PARENTS, make_body, nearest_capsule, place_body
-from jaxskel.hull import hull_volume, hulls_from_dense, make_grid
+from jaxskel.hull import hulls_from_dense, make_grid
 from jaxskel.outlines import contours, silhouette_distances
 from jaxskel.refinement.parametrisations import HingedLimbs
 from jaxskel.refinement.terms import Observed
@@ -29,7 +29,7 @@ def standing() -> Pose:
     flexions = np.zeros(UNKNOWNS, np.float32)
     flexions[[17, 23, 27, 31]] = 0.1  # see test_parametrisations
     rest = Pose(np.zeros(3, np.float32), np.tile(np.eye(3, dtype=np.float32), (17, 1, 1)))
-    return jax.tree.map(np.asarray, HINGED.moved(jnp.asarray(flexions), rest, ADULT))
+    return jax.tree.map(np.asarray, HINGED.retract(jnp.asarray(flexions), rest, ADULT))
 
 
 def turned(segment: str, axis: str, degrees: float) -> Pose:
@@ -51,4 +51,4 @@ def observe(pose: Pose) -> Observed:
         jax.tree.map(lambda a: a[0], each(seen, CAMERAS, empty_views)) for each in (contours, silhouette_distances)
     )
     graph = ideal_graph(ADULT, pose)
-    return Observed(graph.paths, graph.found, graph.neck, graph.pelvis, *hull_volume(hulls, 0), outlines, inside)
+    return Observed(graph.paths, graph.found, graph.neck, graph.pelvis, outlines, inside)

@@ -19,7 +19,6 @@ from ._function_term import from_function as from_function
 from ._graph_attraction import GraphAttraction as GraphAttraction
 from ._hinges import HingeLimits as HingeLimits
 from ._inner_nodes import InnerNodeAttraction as InnerNodeAttraction
-from ._inside_hull import InsideHull as InsideHull
 from ._inside_silhouettes import InsideSilhouettes as InsideSilhouettes
 from ._objectives import paper_objective as paper_objective
 from ._objectives import volume_objective as volume_objective
@@ -29,5 +28,4 @@ from ._quadrics import CapsuleTerm as CapsuleTerm
 from ._rest_prior import RestPrior as RestPrior
 from ._rest_prior import firmness as firmness
 from ._smoothness import Smoothness as Smoothness
-from ._surface_coverage import SurfaceCoverage as SurfaceCoverage
 from ._symmetry import Symmetry as Symmetry

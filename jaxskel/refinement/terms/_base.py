@@ -10,7 +10,6 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ...body import Pose, Skeleton, place_segments
-from ...hull import DistanceField
 from ...outlines import Contours, SilhouetteDistances
 
 
@@ -28,7 +27,7 @@ class PlacedBody(eqx.Module):
 
 
 class Observed(eqx.Module):
-    """What was measured in one frame, or in each of a batch: the labelled skeletal graph, on demand the hull."""
+    """What was measured in one frame, or in each of a batch: the labelled skeletal graph, and the outlines."""
 
     paths: Float[Array | np.ndarray, "*frames labels=5 points 3"]
     """From the root to head, left and right hand, left and right foot, evenly spaced along the graph (m)."""
@@ -36,19 +35,10 @@ class Observed(eqx.Module):
     """Whether an end node was found for this label."""
     neck: Float[Array | np.ndarray, "*frames 3"]
     pelvis: Float[Array | np.ndarray, "*frames 3"]
-    field: DistanceField | None = None
-    """Signed distance to the hull's surface, for the terms that look at the volume."""
-    surface: Float[Array | np.ndarray, "*frames samples 3"] | None = None
-    """Points on the hull's surface (m), for the same terms."""
     contours: Contours | None = None
     """Viewing rays through the outlines of the silhouettes."""
     silhouettes: SilhouetteDistances | None = None
     """Signed distance to each silhouette."""
-
-    def seen_only(self) -> "Observed":
-        """Without the fields of hulls, which are large."""
-        graph = self.paths, self.found, self.neck, self.pelvis
-        return Observed(*graph, None, None, self.contours, self.silhouettes)
 
     def of(self, frame: Int[Array, ""]) -> "Observed":
         """One frame of a stack on the device, without its silhouettes being copied."""
@@ -78,8 +68,6 @@ def number(value: Any) -> Float[Array, "..."]:
 class AbstractTerm(eqx.Module):
     """One residual of the objective. The weight multiplies its squared norm; to switch a term off, leave it out."""
 
-    needs_hull: ClassVar[bool] = False
-    """Whether ``observed.field`` and ``observed.surface`` are looked at, which take time to make."""
     needs_graph: ClassVar[bool] = True
     """Whether ``paths``, ``found``, ``neck`` and ``pelvis`` of ``observed`` are; if not, tracking leaves them out."""
 
@@ -146,11 +134,6 @@ class Objective(eqx.Module):
     def couplings(self) -> dict[str, AbstractCoupling]:
         """The terms that couple frames."""
         return {name: term for name, term in self.terms.items() if isinstance(term, AbstractCoupling)}
-
-    @property
-    def needs_hull(self) -> bool:
-        """Whether any of the terms looks at ``observed.field`` or ``observed.surface``."""
-        return any(term.needs_hull for term in self.of_frames.values())
 
     @property
     def needs_graph(self) -> bool:

@@ -48,23 +48,18 @@ class FunctionTerm(AbstractTerm):
     function: Code = eqx.field(static=True)
     parameters: tuple[PyTree, ...]
     weight: Float[Array, ""] = eqx.field(converter=number)
-    looks_at: tuple[bool, bool, bool] = eqx.field(static=True, default=(False, False, False))
-    """At the hull, at the labelled graph, at the outlines."""
-
-    @property
-    def needs_hull(self) -> bool:
-        """Whether it looks at the hull."""
-        return self.looks_at[0]
+    looks_at: tuple[bool, bool] = eqx.field(static=True, default=(False, False))
+    """At the labelled graph, at the outlines."""
 
     @property
     def needs_graph(self) -> bool:
         """Whether it looks at the labelled graph."""
-        return self.looks_at[1]
+        return self.looks_at[0]
 
     @property
     def needs_outlines(self) -> bool:
         """Whether it looks at the outlines of the silhouettes."""
-        return self.looks_at[2]
+        return self.looks_at[1]
 
     def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "..."]:
         """What the function gives."""
@@ -75,7 +70,6 @@ def from_function(
     function: Callable[..., Any],
     *parameters: PyTree,
     weight: Any = 1.0,
-    needs_hull: bool = False,
     needs_graph: bool = False,
     needs_outlines: bool = False,
 ) -> FunctionTerm:
@@ -85,8 +79,7 @@ def from_function(
         function: Gives residuals of any shape, of which the squared norm is minimised.
         *parameters: Numbers, arrays, or trees of them. Other values do not compile again, and gradients reach them.
         weight: Of the squared norm.
-        needs_hull: The function looks at ``observed.field`` or ``observed.surface``.
-        needs_graph: It looks at the labelled graph: ``paths``, ``found``, ``neck``, ``pelvis``.
+        needs_graph: The function looks at the labelled graph: ``paths``, ``found``, ``neck``, ``pelvis``.
         needs_outlines: It looks at ``observed.contours`` or ``observed.silhouettes``.
 
     Raises:
@@ -96,7 +89,7 @@ def from_function(
     if not isinstance(function, FunctionType):
         raise ValueError(f"{function!r} is no plain function; write one, or a Module derived from AbstractTerm")
     given = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.result_type(float)), parameters)
-    return FunctionTerm(Code(function), given, weight, (needs_hull, needs_graph, needs_outlines))
+    return FunctionTerm(Code(function), given, weight, (needs_graph, needs_outlines))
 
 
 def _surroundings(function: FunctionType) -> Iterator[tuple[str, type, Any]]:
