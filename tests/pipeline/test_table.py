@@ -147,7 +147,7 @@ def slopes(terms, parametrisation, base, skeleton, seen, here, along):
     fixed = {name: term.correspond(parametrisation.placed(base, skeleton), seen) for name, term in terms.items()}
 
     def residuals(unknowns):
-        body = parametrisation.placed(parametrisation.moved(unknowns, base, skeleton), skeleton)
+        body = parametrisation.placed(parametrisation.retract(unknowns, base, skeleton), skeleton)
         return {name: term.residual(body, seen, fixed[name]) for name, term in terms.items()}
 
     ahead, behind = (residuals(here + sign * 1e-6 * along) for sign in (1, -1))
@@ -177,7 +177,7 @@ def started(parametrisation: Parametrisation, spread: float, count: int, seed: i
 
     def displaced(unknowns):
         base = parametrisation.begin(jax.tree.map(jnp.asarray, TRUTH), ADULT)
-        return parametrisation.pose(parametrisation.moved(unknowns, base, ADULT), ADULT)
+        return parametrisation.pose(parametrisation.retract(unknowns, base, ADULT), ADULT)
 
     poses = jax.jit(jax.vmap(displaced))(jnp.asarray(unknowns, jnp.float32))
     return eqx.tree_at(lambda p: p.root, poses, poses.root.at[-1].set(jnp.nan))

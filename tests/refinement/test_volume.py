@@ -68,7 +68,7 @@ def test_jacobians_of_terms_are_finite_differences(observed):
             fixed = {name: term.correspond(place(skeleton, base), seen) for name, term in terms.items()}
 
             def residuals(unknowns):
-                body = place(skeleton, HINGED.moved(unknowns, base, skeleton))
+                body = place(skeleton, HINGED.retract(unknowns, base, skeleton))
                 return {name: term.residual(body, seen, fixed[name]) for name, term in terms.items()}
 
             ahead, behind = (residuals(here + sign * 1e-6 * along) for sign in (1, -1))
@@ -91,7 +91,7 @@ def test_silhouettes_alone_recover_poses_and_a_wrong_one_is_dear():
     unknowns = np.stack([0.15 * np.random.default_rng(seed).normal(size=UNKNOWNS) for seed in SEEDS])
     # What carries the feet far (position, pelvis, chest and thighs) by less than the rest.
     unknowns[:, np.r_[0:9, 24:27, 28:31]] *= 0.3
-    start = jax.vmap(lambda u: HINGED.moved(u, jax.tree.map(jnp.asarray, truth), ADULT))(
+    start = jax.vmap(lambda u: HINGED.retract(u, jax.tree.map(jnp.asarray, truth), ADULT))(
         jnp.asarray(unknowns, jnp.float32)
     )
     started = np.asarray(jax.vmap(lambda pose: place(ADULT, pose).joints)(start))

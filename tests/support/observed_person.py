@@ -6,8 +6,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from jaxskel import Pose, default_adult
-from jaxskel.body import SEGMENT_NAMES, SEGMENT_PARENTS, make_body, nearest_capsule, place_body
-from jaxskel.hull import hulls_from_dense, make_grid
+from jaxskel.body import SEGMENT_NAMES, SEGMENT_PARENTS, make_body, place_body
+from jaxskel.hull import make_grid
 from jaxskel.outlines import contours, silhouette_distances
 from jaxskel.refinement.parametrisations import HingedLimbs
 from jaxskel.refinement.terms import Observed
@@ -42,10 +42,8 @@ def turned(segment: str, axis: str, degrees: float) -> Pose:
 
 
 def observe(pose: Pose) -> Observed:
-    """What is seen of the body: silhouettes, and for a hull the voxels whose centres lie in it."""
+    """What is seen of the body."""
     ends, radii = place_body(make_body(default_adult()), jax.tree.map(lambda a: a[None], pose))
-    given = (jnp.asarray(a, jnp.float32) for a in (GRID.centres(), ends[0], radii))
-    hulls = hulls_from_dense(np.asarray(jax.jit(nearest_capsule)(*given)[1] < 0).reshape(1, *GRID.shape), GRID)
     seen, empty_views = render(CAMERAS, ends, radii), np.zeros((1, len(CAMERAS)), bool)
     outlines, inside = (
         jax.tree.map(lambda a: a[0], each(seen, CAMERAS, empty_views)) for each in (contours, silhouette_distances)
