@@ -17,3 +17,4 @@ from ._skeletal_graph import SkeletalGraph as SkeletalGraph
 from ._skeletal_graph import prune as prune
 from ._skeletonisers import Skeletoniser as Skeletoniser
 from ._skeletonisers import VoxelScooping as VoxelScooping
+from ._thinnest_paths import ThinnestPaths as ThinnestPaths
