@@ -16,6 +16,7 @@ from .._runtime.code_digest import digest_of_definitions
 from ..io.files import fault, open_regular, read_bounded
 from ..poses import Poses
 from ._inputs import Input, same_contents
+from ._older_manifests import modern_method, modern_version
 
 # A result depends on these too, but a new release of one of them is no reason to compute it again.
 _LIBRARIES = ("jax", "jaxlib", "optimistix", "equinox", "numpy", "scipy", "opencv-python-headless")
@@ -135,6 +136,7 @@ def read_manifest(path: Path) -> Manifest:
     try:
         table: dict[str, Any] = json.loads(content)
         work = table["work"]
+        work = work | {"method": modern_method(work["method"]), "version": modern_version(work["version"])}
         outcome, inputs, results = Outcome(table["outcome"]), _files(work["inputs"]), _files(table.get("results", {}))
         found = Manifest(**table | {"outcome": outcome, "work": Work(**work | {"inputs": inputs}), "results": results})
         numbers = (found.frames, found.with_pose, found.resumed, *found.counts.values(), *found.seconds.values())

@@ -49,7 +49,7 @@ def demo(
     result = score(poses.joints.astype(np.float64), recording.truth.joints, poses.has_pose)
     write_score(output, result)
     write_image(output / "views.png", _views(recording, poses.joints))
-    from ..visualization import plot_stages
+    from ..visualization.figures import plot_stages
 
     plot_stages(recording, prepared, Settings(), frame=int(0.55 * frames), path=output / "stages.png")
 

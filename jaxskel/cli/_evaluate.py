@@ -49,7 +49,7 @@ def write_score(folder: Path, result: Score) -> Path:
     figures, picture = (folder / name for name in SCORE_FILES)
     with written_whole(figures) as file:
         file.write((json.dumps(result.to_dict(), indent=1) + "\n").encode())
-    from ..visualization import plot_score
+    from ..visualization.plots import plot_score
 
     plot_score(result, picture)
     return figures

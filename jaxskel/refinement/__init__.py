@@ -1,7 +1,7 @@
-"""The constrained least squares that ends it (Sect. 3.3), for one frame, a batch, or a whole sequence.
+"""Refinement of poses by constrained least squares (Sect. 3.3), for one frame, a batch, or a whole sequence.
 
-In: start poses, what was observed, an objective (`terms`), unknowns (`parametrisations`) and a solver (`solvers`). Out:
-`Refined` poses with the cost of each term.
+In: start poses, the observed graph and outlines, an objective (`terms`), unknowns (`parametrisations`) and a solver
+(`solvers`). Out: `Refined` poses with the cost of each term.
 """
 
 from . import parametrisations as parametrisations

@@ -1,4 +1,4 @@
-"""Refinement (Sect. 3.3): a constrained least squares for each frame, solved by Optimistix, vmapped over frames."""
+"""Refinement of single frames (Sect. 3.3): a constrained least squares solved by Optimistix, vmapped over frames."""
 
 from typing import Any
 
@@ -16,26 +16,26 @@ from .terms import Objective, Observed
 
 Solver = optx.AbstractLeastSquaresSolver | optx.AbstractMinimiser
 
-# Frames that are solved at once. More of them wait longer for the slowest, and leave the processor's cache.
+# Frames per batch: larger batches wait longer for their slowest frame, and exceed the processor's cache.
 _AT_ONCE = 8
 
 
 class Refined(eqx.Module):
-    """Refined poses of some frames, with what each term still costs and how the solver ended."""
+    """Refined poses of some frames, the final cost of each term, and the solver's outcome."""
 
     pose: Pose
     joints: Float[Array, "*frames joints=15 3"]
-    """(m)"""
+    """(m, in the world)"""
     tips: Float[Array, "*frames tips=5 3"]
-    """(m)"""
+    """(m, in the world)"""
     costs: dict[str, Float[Array, "*frames"]]
-    """Weighted cost by each term, by name."""
+    """Weighted cost of each term, by its name."""
     converged: Bool[Array, "*frames"]
-    """The last solve met the solver's tolerances within its steps."""
+    """Whether the last solve met the solver's tolerances within its steps."""
     finite: Bool[Array, "*frames"]
-    """The pose and its costs are numbers; where they are not, the initial pose is given back."""
+    """Whether the pose and its costs are finite; if not, the initial pose is returned."""
     steps: Int[Array, "*frames"]
-    """Solver steps of the last solve."""
+    """Number of solver steps of the last solve."""
 
 
 def refine_frame(
@@ -48,7 +48,7 @@ def refine_frame(
     rounds: int = 3,
     max_steps: int = 16,
 ) -> Refined:
-    """Refine the pose of one frame. See [`refine_frames`][]; the arrays have no frames axis here."""
+    """Refine the pose of one frame. Arguments as for [`refine_frames`][], but without the frames axis."""
     if objective.couplings:
         raise ValueError(f"{', '.join(objective.couplings)}: couples frames; use refine_sequence, or leave it out")
 
@@ -57,7 +57,7 @@ def refine_frame(
         found = objective.residuals(parametrisation.reached(unknowns, base, skeleton), observed, fixed)
         return found | parametrisation.constraint_residuals(parametrisation.retract(unknowns, base, skeleton), skeleton)
 
-    # Correspondences are looked up between solves: an argmin inside the residual keeps the solver from converging.
+    # Correspondences change between solves only: an argmin inside the residual keeps the solver from converging.
     def one_round(base: Any, _: None) -> tuple[Any, tuple[Array, Array]]:
         fixed = objective.correspond(parametrisation.placed(base, skeleton), observed)
         solution = optx.least_squares(
@@ -75,7 +75,7 @@ def refine_frame(
     base, (converged, steps) = jax.lax.scan(one_round, start, None, length=rounds)
     costs = objective.costs(parametrisation.placed(base, skeleton), observed)
     costs |= {name: (rows**2).sum() for name, rows in parametrisation.constraint_residuals(base, skeleton).items()}
-    # A solver that meets NaN data stays at its start: the pose is a number then, its costs are not.
+    # With NaN data the solver stays at its start: the pose is finite then, but its costs are not.
     finite = jnp.isfinite(ravel_pytree((base, list(costs.values())))[0]).all()
     base = jax.tree.map(lambda new, old: jnp.where(finite, new, old), base, start)
     body, pose = parametrisation.placed(base, skeleton), parametrisation.pose(base, skeleton)
@@ -93,27 +93,27 @@ def refine_frames(
     rounds: int = 3,
     max_steps: int = 16,
 ) -> Refined:
-    """Refine the poses of a batch of frames, each by itself.
+    """Refine the poses of a batch of frames, each by itself (Sect. 3.3).
 
     Args:
         objective: Weighted terms; any Module with the same methods will do.
         parametrisation: How a pose is written as unknowns.
-        solver: Any solver of Optimistix for least squares, or any of its minimisers.
-        skeleton: Template.
-        initial: Poses to start from, with a leading frames axis.
-        observed: What was measured, with a leading frames axis.
-        rounds: How often correspondences are looked up again.
-        max_steps: Steps of the solver in each round.
+        solver: Any least squares solver or minimiser of Optimistix.
+        skeleton: Template (m).
+        initial: Start poses (m, in the world), with a leading frames axis.
+        observed: Graph and outlines (m, in the world), with a leading frames axis.
+        rounds: How often correspondences are looked up and the problem is solved.
+        max_steps: Largest number of solver steps in each round.
 
     Returns:
-        Poses, costs by term and the solver's outcome for every frame. A frame that fails does not harm the others.
+        Poses, cost of each term and the solver's outcome for every frame. A frame that fails does not affect others.
 
     Raises:
-        ValueError: A term couples frames: that is for `refine_sequence`.
+        ValueError: A term couples frames: use `refine_sequence`.
     """
 
     def one(each: tuple[Int[Array, ""], Pose]) -> Refined:
-        # Looked up in the stack: cut out of it, silhouettes would be copied.
+        # Indexed in the stack: slicing would copy the silhouettes.
         frame = observed.of(each[0])
         return refine_frame(objective, parametrisation, solver, skeleton, each[1], frame, rounds, max_steps)
 

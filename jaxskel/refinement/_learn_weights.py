@@ -1,4 +1,4 @@
-"""Weights of an objective, learned from a few labelled frames: gradients go through the refinement."""
+"""Learn the weights of an objective from a few labelled frames, by differentiating through the refinement."""
 
 from typing import Any
 
@@ -15,26 +15,27 @@ from .parametrisations import Parametrisation
 from .solvers import NormalEquationsLM
 from .terms import Objective, Observed
 
-# Errors much smaller than this count by their square, larger ones by themselves (m): one lost hand is not everything.
+# The loss is quadratic for errors much smaller than this (m) and linear for larger ones, so that one misplaced hand
+# does not dominate it.
 _SMALL = 0.01
-# No weight becomes so many times larger or smaller: what a few frames say of it is not that sure.
+# Each weight stays within 100x of its start: a few frames do not support larger changes.
 _MOST = 100.0
-# Of the squared logarithm of a weight's change, relative to metres: only what makes a difference changes.
+# Penalty (m) on the squared logarithm of each weight's change: weights that make no difference stay.
 _HOLD = 1e-5
 
 
 class Learned(eqx.Module):
-    """An objective whose weights were learned, and how well it did."""
+    """An objective with learned weights, and its errors during learning."""
 
     objective: Objective
     losses: Float[np.ndarray, " evaluations"]
-    """Mean error of the labelled joints (m, smooth below a centimetre) of each objective tried, in order."""
+    """Mean error of the labelled joints (m, quadratic below a centimetre) of each objective tried, in order."""
     converged: Bool[np.ndarray, " frames"]
-    """Frames whose last solve converged; only these have a gradient, and only these are learned from."""
+    """Frames whose last solve converged; only these have a gradient and take part in the learning."""
 
     @property
     def weights(self) -> dict[str, float]:
-        """By name of the term."""
+        """Learned weights, by name of the term."""
         return {name: float(term.weight) for name, term in self.objective.terms.items()}
 
 
@@ -50,31 +51,31 @@ def learn_weights(
     max_steps: int = 100,
     iterations: int = 20,
 ) -> Learned:
-    """Choose the weights with which the refined joints come nearest to labels, by L-BFGS on their logarithms.
+    """Choose the weights that bring the refined joints nearest to labels, by L-BFGS on the logarithms of the weights.
 
-    The gradient is that of the implicit function theorem: it holds where a solve has converged.
+    The gradient comes from the implicit function theorem, which holds where a solve has converged.
 
     Args:
-        objective: Terms with the weights to start from. Only their ratios matter.
+        objective: Terms with their start weights. Only the ratios of the weights matter.
         parametrisation: How a pose is written as unknowns.
-        skeleton: Template.
-        initial: Poses to start from, with a leading frames axis.
-        observed: What was measured, with a leading frames axis.
+        skeleton: Template (m).
+        initial: Start poses (m, in the world), with a leading frames axis.
+        observed: Graph and outlines (m, in the world), with a leading frames axis.
         labels: True joints (m, in the world of `initial`), NaN where unknown.
-        solver: By default Levenberg-Marquardt to a hundredth of a millimetre: what has not converged has no gradient.
+        solver: By default Levenberg-Marquardt to 0.01 mm: a solve that has not converged has no gradient.
         rounds: How often correspondences are looked up again.
-        max_steps: Steps of the solver in each round.
-        iterations: Of L-BFGS, at most.
+        max_steps: Largest number of solver steps in each round.
+        iterations: Largest number of L-BFGS iterations.
 
     Raises:
         ValueError: No joint is labelled, or no frame converges.
     """
-    from scipy.optimize import minimize  # takes a while to import, and is needed here only
+    from scipy.optimize import minimize  # imported here, because it takes a while and is needed here only
 
     if not np.isfinite(labels).all(-1).any():
         raise ValueError("labels: every joint is NaN; give true joints (m) of a few frames")
     solver = solver or NormalEquationsLM(rtol=1e-4, atol=1e-5)
-    names = sorted(objective.terms)  # as JAX orders them
+    names = sorted(objective.terms)  # the order in which JAX stores them
     start = np.array([float(objective.terms[name].weight) for name in names])
     options = parametrisation, solver, rounds, max_steps
     problem = single_precision((objective, skeleton, initial, observed, np.asarray(labels)))
@@ -105,7 +106,7 @@ def learn_weights(
 
 
 def _in_place_of_others(frames: Any, good: Bool[np.ndarray, " frames"]) -> Any:
-    """Stacks with one of the good frames in place of each other one, whose gradient would be none at all."""
+    """Stacks in which a good frame replaces each other frame, whose gradient would not be finite."""
     index = np.where(good, np.arange(len(good)), int(np.argmax(good)))
     return jax.tree.map(lambda a: np.asarray(a)[index], frames)
 
@@ -119,7 +120,7 @@ def _loss_and_slope(
     rounds: int,
     max_steps: int,
 ) -> tuple[tuple[Array, Array], Array]:
-    """Mean error (m) and which frames converged, and the slope of the error."""
+    """Loss (m) and which frames converged, and the gradient of the loss."""
 
     def loss(logarithms: Float[Array, " terms"]) -> tuple[Array, tuple[Array, Array]]:
         objective, skeleton, initial, observed, labels = given
@@ -128,13 +129,13 @@ def _loss_and_slope(
         changed = objective.weighted(**scaled)
         found = refine_frames(changed, parametrisation, solver, skeleton, initial, observed, rounds, max_steps)
         known = jnp.isfinite(labels).all(-1)
-        # All of them count, so that nothing is gained by a frame that ceases to converge; it just has no slope.
+        # All frames count, so that a frame that ceases to converge does not lower the loss; it only has no gradient.
         joints = jnp.where(found.converged[:, None, None], found.joints, jax.lax.stop_gradient(found.joints))
         apart = jnp.where(known[..., None], joints - labels, 0.0)
         errors = jnp.sqrt((apart**2).sum(-1) + _SMALL**2) - _SMALL
         value = errors.sum() / jnp.maximum(known.sum(), 1) + _HOLD * (logarithms**2).sum()
         return value, (value, found.converged)
 
-    # Forwards: there are few weights, and nothing need be turned round.
+    # Forward mode: there are few weights, and no reverse pass through the solver is needed.
     slope, found = jax.jacfwd(loss, has_aux=True)(logarithms)
     return found, slope

@@ -1,4 +1,4 @@
-"""Refinement of a sequence: all frames together, coupled in time."""
+"""Refinement of a sequence: all frames are solved together, coupled in time. Not in the paper."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ from .parametrisations import Parametrisation
 from .solvers import Coupled
 from .terms import Objective, Observed, PlacedBody
 
-# Frames whose correspondences are looked up at once: more leave the processor's cache.
+# Frames whose correspondences are looked up at once: larger batches exceed the processor's cache.
 _AT_ONCE = 8
 
 
@@ -32,23 +32,23 @@ def refine_sequence(
 ) -> Refined:
     """Refine the poses of consecutive frames together, with time and memory that grow linearly with their number.
 
-    A frame without a pose, or whose data are not numbers, is bridged: its own terms are left out, and the couplings
-    alone say how it lies between its neighbours.
+    A frame whose pose or data are not finite is bridged: its own terms are left out, and its pose follows from the
+    couplings to its neighbours alone.
 
     Args:
-        objective: Weighted terms, of which some are couplings such as `Smoothness`.
+        objective: Weighted terms, some of which are couplings such as `Smoothness`.
         parametrisation: How a pose is written as unknowns.
-        solver: `sequence_solver()`, or any solver of Optimistix that is matrix-free, such as
+        solver: `sequence_solver()`, or any matrix-free solver of Optimistix, such as
             ``optimistix.LevenbergMarquardt(rtol, atol, linear_solver=lineax.Normal(lineax.CG(...)))``.
-        skeleton: Template.
-        initial: Poses to start from, with a leading frames axis.
-        observed: What was measured, with a leading frames axis.
-        rounds: How often correspondences are looked up again.
-        max_steps: Steps of the solver in each round.
+        skeleton: Template (m).
+        initial: Start poses (m, in the world), with a leading frames axis.
+        observed: Graph and outlines (m, in the world), with a leading frames axis.
+        rounds: How often correspondences are looked up and the problem is solved.
+        max_steps: Largest number of solver steps in each round.
 
     Returns:
-        As of `refine_frames`. `finite` is false for frames that were bridged; couplings cost their middle frame.
-        `converged` and `steps` are those of the whole.
+        As for `refine_frames`. `finite` is false for bridged frames; the cost of a coupling is listed at its middle
+        frame. `converged` and `steps` are those of the joint solve.
     """
     count = len(initial.root)
     frames = jnp.arange(count, dtype=jnp.int32)
@@ -108,7 +108,7 @@ def refine_sequence(
 
 
 def _couplings(objective: Objective, placed: PlacedBody) -> dict[str, Float[Array, "couplings ..."]]:
-    """Weighted residuals of all threes of consecutive frames."""
+    """Weighted residuals of all triples of consecutive frames."""
     if len(placed.joints) < 3:
         return {}
     three = (jax.tree.map(lambda a, i=i: a[i : len(a) - 2 + i], placed) for i in range(3))
@@ -116,7 +116,7 @@ def _couplings(objective: Objective, placed: PlacedBody) -> dict[str, Float[Arra
 
 
 def _nearest_of(seen: Bool[Array, " frames"]) -> Int[Array, " frames"]:
-    """The frame itself where it is seen, else the nearest one that is; itself where there is none."""
+    """Index of the nearest frame that is seen, which may be the frame itself; its own index if none is seen."""
     count = len(seen)
     frames = jnp.arange(count, dtype=jnp.int32)
     before = jax.lax.cummax(jnp.where(seen, frames, -count))

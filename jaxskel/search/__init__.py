@@ -1,7 +1,7 @@
-"""Pose hypotheses, and the choice between them. Not in the paper, whose start pose is `initial_poses` (Sect. 3.3).
+"""Generate, fit and compare pose hypotheses. Not in the paper, whose start pose is `initial_poses` (Sect. 3.3).
 
-In: `Limbs` and what was observed. Out: `Hypotheses` with their costs, the best one first, in each frame by itself or
-tracked from frame to frame.
+In: `Limbs` and the observed outlines. Out: `Hypotheses` with their costs, the cheapest first, for each frame by itself
+or tracked from frame to frame.
 """
 
 from ._confidence import searched_confidence as searched_confidence

@@ -1,7 +1,7 @@
-"""Normal equations of capsules that hang on a tree, without what the tree makes zero.
+"""Normal equations of the capsules of a kinematic tree, without the blocks that are zero.
 
-No unknown of an arm moves a capsule that one of a leg moves, so their block of the normal matrix is zero, and so are
-the rows of an arm's Jacobian at most of the capsules. What limbs have in common is the trunk.
+No unknown of an arm moves a capsule that an unknown of a leg moves, so their block of the normal matrix is zero, as are
+the rows of an arm's Jacobian for most capsules. Only the unknowns of the trunk couple the limbs.
 """
 
 from typing import NamedTuple
@@ -14,20 +14,20 @@ from ..refinement.parametrisations import Motion
 
 
 class Limbs(NamedTuple):
-    """Unknowns of which those of different limbs move no capsule together; filled up with -1 to be stacked."""
+    """Groups of unknowns; no capsule is moved by two of different limbs. Rows are padded with -1 to equal lengths."""
 
     trunk: Int[np.ndarray, " trunk"]
-    """Unknowns that move capsules together with those of several limbs."""
+    """Unknowns of the trunk: those that share capsules with the unknowns of several limbs."""
     own: Int[np.ndarray, "limbs own"]
-    """All other unknowns."""
+    """All other unknowns, by limb."""
     capsules: Int[np.ndarray, "limbs most"]
-    """Those that the unknowns of each limb move; there may be others, which only the trunk moves."""
+    """Capsules that each limb's unknowns move; others may exist that only the trunk moves."""
 
 
 def limbs_of(moved: Bool[np.ndarray, "unknowns capsules"]) -> Limbs:
-    """Take a body apart by which unknowns move which capsules."""
+    """Split the unknowns into trunk and limbs by which capsules they move."""
     together = moved @ moved.T
-    # Of the trunk is what moves capsules with two others that by themselves have none in common.
+    # An unknown belongs to the trunk if it shares capsules with two others that share none with each other.
     trunk = np.array([not together[np.ix_(near, near)].all() for near in together])
     linked = together & ~trunk & ~trunk[:, None] | np.eye(len(moved), dtype=bool)
     while (farther := linked @ linked).sum() > linked.sum():
@@ -47,25 +47,25 @@ def normal_equations(
     matrix: Float[Array, "capsules 6 6"],
     vector: Float[Array, "capsules 6"],
 ) -> tuple[Float[Array, "unknowns unknowns"], Float[Array, " unknowns"]]:
-    """Normal matrix and half the gradient of what capsules cost: d . matrix d - 2 vector . d if their ends move by d.
+    """Normal matrix and half the gradient of the cost d . matrix d - 2 vector . d of displacements d of capsule ends.
 
     Args:
-        motion: How the unknowns begin to move what they move.
-        ends: Of the capsules (m).
-        segments: That carry the ends.
-        matrix: Of the cost of each capsule, see `Quadrics`.
-        vector: Likewise.
+        motion: Derivatives of the body by the unknowns.
+        ends: Ends of the capsules (m, in the world).
+        segments: Segments that carry the ends.
+        matrix: Quadratic coefficients of each capsule's cost, see `Quadrics`.
+        vector: Linear coefficients, see `Quadrics`.
     """
     limbs = limbs_of(motion.moves_any(segments))
     shared = _moved(motion.some(limbs.trunk), ends, segments)
-    # What pulls at the capsules is one column more.
+    # The vector is one more column of the right-hand factor.
     forces = jnp.concatenate([_flat(_product(matrix, shared)), -vector.reshape(-1, 1)], -1)
     of_trunk = _flat(shared).T @ forces
 
     there = limbs.capsules >= 0
     chosen = np.where(there, limbs.capsules, 0)
     own = _moved(motion.some(np.maximum(limbs.own, 0)), ends[chosen], segments[chosen]) * there[..., None, None]
-    # Looked up in what the product above has stored already.
+    # The trunk's part of the limbs' capsules is taken from the product above.
     rows = (6 * chosen[..., None] + np.arange(6, dtype=np.int32)).reshape(len(chosen), 6 * chosen.shape[1])
     acting = jnp.concatenate([_flat(_product(matrix[chosen], own)), forces[rows]], -1)
     of_limbs = jnp.einsum("lku,lkv->luv", _flat(own), acting)
@@ -78,7 +78,7 @@ def normal_equations(
 def _moved(
     motion: Motion, ends: Float[Array, "*limbs capsules 2 3"], segments: Int[np.ndarray, "*limbs capsules 2"]
 ) -> Float[Array, "*limbs capsules 6 unknowns"]:
-    """How both ends of capsules begin to move."""
+    """Derivative of both ends of the capsules by the unknowns."""
     *stack, capsules, _ = segments.shape
     moved = motion.of_points(ends.reshape(*stack, 2 * capsules, 3), segments.reshape(*stack, 2 * capsules))
     return moved.reshape(*stack, capsules, 6, moved.shape[-1])
@@ -87,7 +87,7 @@ def _moved(
 def _product(
     matrix: Float[Array, "*capsules 6 6"], moved: Float[Array, "*capsules 6 unknowns"]
 ) -> Float[Array, "*capsules 6 unknowns"]:
-    """Written out: rows of unknowns are long enough for a processor, small matrices are not."""
+    """Matrix product, written out over the six rows: faster than many small matrix products."""
     return sum((matrix[..., k, None] * moved[..., k, None, :] for k in range(6)), jnp.zeros((), moved.dtype))
 
 
@@ -97,10 +97,10 @@ def _flat(rows: Float[Array, "*limbs capsules 6 columns"]) -> Float[Array, "*lim
 
 
 def _places(limbs: Limbs, count: int) -> Int[np.ndarray, "unknowns columns"]:
-    """Where the entries of the normal matrix, and in one column more the gradient, stand in those of the blocks."""
+    """Index into the concatenated blocks of each entry of the normal matrix, with the gradient as a last column."""
     trunk, beyond = len(limbs.trunk), np.array([*limbs.trunk, count])
     size = trunk * (trunk + 1) + limbs.own.size * (limbs.own.shape[1] + trunk + 1)
-    places = np.full((count + 1, count + 1), size)  # of the zero at the end
+    places = np.full((count + 1, count + 1), size)  # index of the zero at the end
     at = trunk * (trunk + 1)
     places[np.ix_(limbs.trunk, beyond)] = np.arange(at).reshape(trunk, trunk + 1)
     for own in limbs.own:

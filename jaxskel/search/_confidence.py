@@ -1,12 +1,12 @@
-"""How far to trust each joint of a pose that was searched for, from 0 to 1."""
+"""Confidence in each joint of a searched pose, from 0 to 1."""
 
 import numpy as np
 from jaxtyping import Float
 
-# A hypothesis that costs so much more counts for a third as much; a pose that costs so much more than is dear
-# likewise, in the units of `volume_objective`.
+# In units of `volume_objective`: excess over the best cost that divides a rival's weight by e, and excess of the best
+# cost over the threshold that divides the confidence by e.
 _RIVAL_COST, _EXCESS_COST = 4.0, 20.0
-# Joints this near to each other are in the same place (m), as in the paper's Table 1.
+# Joints closer than this are in the same place (m), as in the paper's Table 1.
 _SAME_PLACE = 0.1
 
 
@@ -15,12 +15,12 @@ def searched_confidence(
     cost: Float[np.ndarray, "frames hypotheses"],
     cost_threshold: float,
 ) -> Float[np.ndarray, "frames joints=15"]:
-    """Confidence in the first hypothesis of each frame: do its rivals put a joint elsewhere, is it suspiciously dear?
+    """Confidence in the cheapest hypothesis of each frame: low if rivals place a joint elsewhere or the cost is high.
 
     Args:
-        joints: Of all hypotheses (m).
-        cost: Of all hypotheses.
-        cost_threshold: What a pose of this subject hardly ever costs, see `cost_threshold` in `_search`.
+        joints: Joints of all hypotheses (m, in the world).
+        cost: Costs of all hypotheses.
+        cost_threshold: Cost that few frames of this subject exceed, see `cost_threshold` in `_search`.
     """
     there = np.linalg.norm(joints - joints[:, :1], axis=-1) < _SAME_PLACE
     weight = np.exp(-np.clip(cost - cost[:, :1], -50.0, None) / _RIVAL_COST)

@@ -1,4 +1,4 @@
-"""Fits of many hypotheses: all take the same steps, and any number of them has the same shapes."""
+"""Fit batches of hypotheses: all take the same number of steps, in chunks of a fixed size."""
 
 from collections.abc import Callable
 from typing import Any
@@ -18,31 +18,31 @@ from ._gauss_newton import descend
 from ._hypotheses import Hypotheses, Pool, pool_of
 
 _HINGED = HingedLimbs()
-_MOST_STEPS = 16  # of one fit
-# Hypotheses that are worked on at once: enough that the many small steps of XLA cost little.
+_MOST_STEPS = 16  # length of the array of scales, fixed so that other step counts do not compile again
+# Hypotheses per chunk: enough to hide the overhead of XLA's many small steps.
 _AT_ONCE = 8
-# Steps look at one of so many rays; what a pose costs is told by all.
+# A step uses one in this many rays; the final cost uses all.
 _FEW = 9
 
-# Arrays of NumPy: a constant of a module must not start JAX, which would take all cores before a process has one.
+# NumPy arrays: a module constant must not start JAX, which would take all cores before a process is assigned one.
 Scales = tuple[Float[Array | np.ndarray, " steps"], Int[Array | np.ndarray, ""]]
 
 
 def fit_scales(*rounds: tuple[float, int]) -> Scales:
-    """Robust scales (m) and numbers of steps for them, as `fit_pool` takes them; others do not compile again."""
+    """Robust scales (m) and the number of steps with each, as `fit_pool` takes them; other values do not recompile."""
     values = np.concatenate([np.full(steps, scale, np.float32) for scale, steps in rounds])
     return np.resize(values, _MOST_STEPS), np.array(len(values), np.int32)
 
 
 def fit_poses(body: Body, poses: Pose, observed: Observed, scales: Scales) -> Hypotheses:
-    """Let hypotheses (axes ``frames hypotheses``) descend by `volume_objective` and order them by their cost."""
+    """Minimise `volume_objective` for hypotheses with axes ``frames hypotheses``; order them by cost."""
     frames = np.arange(len(poses.root))
     found = fit_pool(body, pool_of(poses, frames), on_device(observed), scales)
     return found.rows(frames, poses.root.shape[1])
 
 
 def fit_pool(body: Body, pool: Pool, stack: Observed, scales: Scales) -> Pool:
-    """Let hypotheses descend by `volume_objective`; what they cost then."""
+    """Minimise `volume_objective` from each hypothesis of a pool; return the poses and their costs."""
     if len(pool) == 0:
         return pool
     poses, cost = in_chunks(lambda poses, frames: _fitted(body, poses, frames, stack, scales), pool)
@@ -50,7 +50,7 @@ def fit_pool(body: Body, pool: Pool, stack: Observed, scales: Scales) -> Pool:
 
 
 def in_chunks(work: Callable[[Pose, Int[Array, " chunk"]], Any], pool: Pool, at_once: int = _AT_ONCE) -> Any:
-    """Work on the poses of a pool and their frames, a fixed number at a time; the last chunk is filled up."""
+    """Apply `work` to the poses of a pool and their frames in chunks of a fixed size; the last one is padded."""
     done = []
     for start in range(0, len(pool), at_once):
         chosen = np.minimum(np.arange(start, start + at_once), len(pool) - 1)
@@ -60,8 +60,8 @@ def in_chunks(work: Callable[[Pose, Int[Array, " chunk"]], Any], pool: Pool, at_
 
 
 def fit_hypothesis(body: Body, pose: Pose, observed: Observed, scales: Scales) -> tuple[Pose, Float[Array, ""]]:
-    """Let one hypothesis of one frame descend; also what it costs then, infinite where that is no number."""
-    # Made here, so that the compiler sees that all terms have the same body, and places it once.
+    """Minimise from one hypothesis of one frame; return the pose and its cost, infinite where that is not finite."""
+    # Built here, so that the compiler sees that all terms share one body, and places it once.
     objective, few = volume_objective(body), observed.thinned(_FEW)
 
     def step(number: Array, pose: Pose) -> Pose:

@@ -1,7 +1,7 @@
-"""Damped Gauss-Newton with a fixed number of steps: what the search spends on each of its many hypotheses.
+"""Damped Gauss-Newton with a fixed number of steps, for the many hypotheses of the search.
 
-One step for each look-up of correspondences, no line search and no test of convergence: a batch of hypotheses takes
-the same steps whatever its members do. The pose that wins is handed to the solver of `refine_frames`.
+One step for each look-up of correspondences, no line search and no convergence test, so that all hypotheses of a batch
+take the same steps. The best pose is refined further by the solver of `refine_frames`.
 """
 
 import jax
@@ -12,16 +12,16 @@ from ..refinement.parametrisations import HingedLimbs
 from ..refinement.terms import CapsuleTerm, Objective, Observed, place
 from ._block_normal_equations import normal_equations
 
-# Of the normal matrix: absolute, for unknowns that nothing holds, and as a share of its diagonal.
+# Damping of the normal matrix: absolute, for unknowns that no residual depends on, and as a share of its diagonal.
 _DAMPING, _RELATIVE_DAMPING = 0.1, 1e-3
-# A step is not trusted farther than this (m, rad).
+# Largest step of an unknown (m, rad): the linearisation is not trusted farther.
 _REACH = 0.4
 
 
 def descend(
     objective: Objective, parametrisation: HingedLimbs, skeleton: Skeleton, pose: Pose, observed: Observed
 ) -> Pose:
-    """Let the pose of one frame descend by one damped Gauss-Newton step."""
+    """Take one damped Gauss-Newton step from the pose of one frame."""
     placed = place(skeleton, pose)
     motion = parametrisation.motion(pose, placed, skeleton)
     others = Objective({name: term for name, term in objective.terms.items() if not isinstance(term, CapsuleTerm)})
@@ -30,7 +30,7 @@ def descend(
     changes = jax.vmap(tangent, -1, -1)(motion.of_body(placed))
 
     count = len(motion.turns)
-    # One product of long rows instead of one for each term.
+    # One product of the stacked rows instead of one for each term.
     rows = jnp.concatenate([jnp.zeros((0, count)), *(change.reshape(-1, count) for change in changes.values())])
     residuals = jnp.concatenate([jnp.zeros(0), *(value[name].ravel() for name in changes)])
     matrix, gradient = rows.T @ rows, rows.T @ residuals
@@ -47,7 +47,7 @@ def descend(
 
 
 def _by_body(terms: list[CapsuleTerm]) -> list[list[CapsuleTerm]]:
-    """Terms of the same body together: what their capsules cost adds up before the unknowns come in."""
+    """Group terms by body: quadrics of the same capsules are added before they are multiplied by the Jacobian."""
     groups: dict[int, list[CapsuleTerm]] = {}
     for term in terms:
         groups.setdefault(id(term.body), []).append(term)

@@ -1,4 +1,4 @@
-"""Hypotheses: poses of some frames and what they cost, loose while they are searched for, in rows in the end."""
+"""Pose hypotheses and their costs: `Pool` (any number per frame) during the search, `Hypotheses` at its end."""
 
 import equinox as eqx
 import jax
@@ -8,13 +8,13 @@ from jaxtyping import Bool, Float, Int
 from .._runtime.batching import take
 from ..body import SEGMENT_NAMES, Pose
 
-# Two poses are alike if their roots are closer than this (m) and no entry of a rotation differs by more.
+# Two poses are alike if their roots are closer than _APART (m) and no entry of a rotation differs by more than _TURNED.
 _APART, _TURNED = 0.02, 0.1
 _ALL = np.arange(len(SEGMENT_NAMES))
 
 
 class Hypotheses(eqx.Module):
-    """Poses of some frames, the same number of each, the cheapest first."""
+    """Poses of some frames, the same number for each, the cheapest first; costs are those of `volume_objective`."""
 
     poses: Pose
     """Axes ``frames hypotheses``."""
@@ -22,45 +22,45 @@ class Hypotheses(eqx.Module):
 
     @property
     def best(self) -> Pose:
-        """The cheapest of each frame, without the axis of hypotheses."""
+        """The cheapest pose of each frame, without the axis of hypotheses."""
         return jax.tree.map(lambda a: a[:, 0], self.poses)
 
     def ordered(self, order: Int[np.ndarray, "frames some"]) -> "Hypotheses":
-        """Some of each frame's hypotheses, in an order of its own."""
+        """Select hypotheses of each frame by index, in the given order."""
         rows = np.arange(len(order))[:, None]
         return jax.tree.map(lambda a: a[rows, order], self)
 
 
 class Pool(eqx.Module):
-    """Poses of frames of a stack, any number of each."""
+    """Poses of the frames of a stack, any number for each frame."""
 
     frame: Int[np.ndarray, " n"]
-    """Which frame each is of."""
+    """Index of the frame that each pose belongs to."""
     poses: Pose
     """Axis ``n``."""
     cost: Float[np.ndarray, " n"]
-    """Infinite as long as it is not known."""
+    """Cost of each pose; infinite until it is computed."""
 
     def __len__(self) -> int:
         return len(self.frame)
 
     def joined(self, other: "Pool") -> "Pool":
-        """These and others."""
+        """The hypotheses of both pools."""
         return jax.tree.map(lambda a, b: np.concatenate([a, b]), self, other)
 
     def cheapest(self, count: int) -> "Pool":
-        """At most so many of each frame, frame by frame, the cheapest first."""
+        """At most `count` hypotheses of each frame, sorted by frame and then by cost."""
         order = np.lexsort((self.cost, self.frame))
         frame = self.frame[order]
         rank = np.arange(len(frame)) - np.searchsorted(frame, frame)
         return take(self, order[rank < count])
 
     def of(self, frames: Int[np.ndarray, " some"]) -> "Pool":
-        """Those of some frames."""
+        """The hypotheses of some frames."""
         return take(self, np.isin(self.frame, frames))
 
     def rows(self, frames: Int[np.ndarray, " some"], count: int) -> Hypotheses:
-        """So many of each of some frames, the cheapest first; where there are fewer, the dearest stands in again."""
+        """The `count` cheapest of each of some frames; where there are fewer, the costliest of them is repeated."""
         best = self.of(frames).cheapest(count)
         start = np.searchsorted(best.frame, frames)
         there = np.searchsorted(best.frame, frames, "right") - start
@@ -69,7 +69,7 @@ class Pool(eqx.Module):
 
 
 def pool_of(poses: Pose, frames: Int[np.ndarray, " some"]) -> Pool:
-    """The poses (axes ``some hypotheses``) of some frames, their costs not known yet."""
+    """Make a pool of poses (axes ``some hypotheses``) of some frames, with costs not computed yet."""
     count = poses.root.shape[1]
     flat = jax.tree.map(lambda a: np.asarray(a, np.float32).reshape(-1, *a.shape[2:]), poses)
     return Pool(np.repeat(frames, count), flat, np.full(len(frames) * count, np.inf, np.float32))
@@ -84,15 +84,15 @@ def select_distinct(
 ) -> Bool[np.ndarray, " n"]:
     """Which hypotheses of a pool are worth more work.
 
-    Of poses that are alike only the cheapest goes on, as long as it costs no more than the cheapest of the frame and a
-    margin, and at most so many of a frame.
+    Of poses that are alike only the cheapest is chosen, if it costs at most `margin` more than the cheapest of its
+    frame; at most `count` for each frame.
 
     Args:
-        pool: To choose from.
-        margin: In the units of the costs.
-        count: The most of each frame.
-        segments: What poses are alike in.
-        known: Hypotheses that are there already: with these all are compared.
+        pool: Hypotheses to choose from.
+        margin: Largest excess over the cheapest of the frame, in units of cost.
+        count: Largest number for each frame.
+        segments: Segments whose rotations are compared.
+        known: Hypotheses fitted before: the pool is compared with them too, but none of them is chosen.
     """
     every = pool if known is None else known.joined(pool)
     new = np.arange(len(every)) >= len(every) - len(pool)
@@ -100,7 +100,7 @@ def select_distinct(
     frames, starts, counts = np.unique(every.frame[order], return_index=True, return_counts=True)
     roots, rotations = every.poses.root, every.poses.rotations[:, segments]
     chosen = np.zeros(len(every), bool)
-    compared = np.full((len(frames), int(counts.max(initial=0))), -1)  # those that are like no cheaper one
+    compared = np.full((len(frames), int(counts.max(initial=0))), -1)  # those unlike every cheaper one
     taken_on = np.zeros(len(frames), int)
     for rank in range(compared.shape[1]):
         row = np.flatnonzero(counts > rank)

@@ -1,4 +1,4 @@
-"""The initial pose from the seven labelled nodes and the paths between them (Sect. 3.3)."""
+"""The initial pose from the seven labelled nodes and the graph paths between them (Sect. 3.3)."""
 
 import numpy as np
 from jaxtyping import Float
@@ -17,7 +17,7 @@ from ..body import (
 )
 from ..matching import END_NODE_REACH, HEAD, L_FOOT, L_HAND, R_FOOT, R_HAND, Limbs
 
-# Upper segment, lower segment, upper joint, middle joint, end joint, tip of each limb.
+# Of each limb: parent, upper and lower segment, then upper joint, middle joint, end joint and tip.
 _LIMBS = {
     L_HAND: ("l_clavicle", "l_upper_arm", "l_forearm", "l_shoulder", "l_elbow", "l_hand", "l_fingertip"),
     R_HAND: ("r_clavicle", "r_upper_arm", "r_forearm", "r_shoulder", "r_elbow", "r_hand", "r_fingertip"),
@@ -27,15 +27,18 @@ _LIMBS = {
 
 
 def initial_poses(limbs: Limbs, facing: Float[np.ndarray, "frames 3"], skeleton: Skeleton) -> Pose:
-    """Turn the template's segments so that its joints come to the labelled nodes.
+    """Turn the template's segments so that its joints come to the labelled nodes (Sect. 3.3).
 
-    Pelvis, neck and head follow from their nodes; elbow, knee, hand and foot are taken from the limb's path at the
-    template's distance from its end node. A limb without an end node hangs at rest.
+    Pelvis, neck and head follow from their nodes; elbow, knee, hand and foot are points on the limb's path, at the
+    template's distance from its end node. A limb without an end node stays in its rest position.
 
     Args:
-        limbs: Labelled limbs in a world with z up, left and right told apart.
-        facing: Horizontal direction that the body faces; the frame's x axis where it is zero.
+        limbs: Labelled limbs (m) in a world with z up, left and right told apart.
+        facing: Horizontal unit vector in which the body faces; taken as the world's x axis where it is zero.
         skeleton: Template.
+
+    Returns:
+        One pose for each frame (m, in the world).
     """
     count = len(limbs.paths)
     at_rest = [*np.asarray(skeleton.rest_joints), *np.asarray(skeleton.rest_tips), *np.asarray(skeleton.pivots)]
@@ -50,13 +53,13 @@ def initial_poses(limbs: Limbs, facing: Float[np.ndarray, "frames 3"], skeleton:
     spine = limbs.neck - limbs.pelvis
     spine = np.where(np.linalg.norm(spine, axis=1, keepdims=True) > 0.05, spine, [0.0, 0.0, 1.0])
     trunk = frame(spine, left)
-    # The neck need not be straight above the pelvis at rest.
+    # At rest, the neck need not be straight above the pelvis.
     lean = aligning(_unit(rest["neck"]), np.array([0.0, 0.0, 1.0]))
     rotations[:, number["pelvis"]] = trunk @ lean
     rotations[:, number["chest"]] = trunk @ lean
 
     def turn(segment: str, bone: np.ndarray, goal: np.ndarray) -> None:
-        """Turn a segment, from where its parent segment leaves it, until its bone points at the goal."""
+        """Rotate a segment from its parent's rotation by the least rotation that points its bone at the goal."""
         carried = rotations[:, SEGMENT_PARENTS[number[segment]]]
         rotations[:, number[segment]] = aligning(carried @ _unit(bone), _unit(goal)) @ carried
 

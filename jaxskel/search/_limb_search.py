@@ -1,8 +1,8 @@
-"""Search for arms and legs in a hull: every pose of a table is scored, the best that differ are given back.
+"""Search for arms and legs in the hull: score every pose of a table and return the cheapest that differ.
 
-Where an arm lies on the trunk, no path along the graph leads to its hand, and a fit from a wrong start stays wrong.
-But the hull says where arms can be (inside of it, outside of the trunk) and where they must be (at outlines that the
-rest of the body leaves unexplained), and a few thousand poses are soon tried.
+Where an arm lies on the trunk, no graph path leads to its hand, and a fit from a wrong start stays wrong. But an arm
+must lie inside the hull and outside the trunk, and must explain outlines that the rest of the body leaves unexplained.
+A table of a few thousand poses is tested against these conditions quickly.
 
 All functions are for one frame, to be vmapped. Costs are in the units of `volume_objective`.
 """
@@ -32,21 +32,21 @@ from ._limb_tables import LimbTable
 
 _Term = TypeVar("_Term", bound=AbstractTerm)
 
-# How many poses of the table go on: those with the upper bone inside the hull, of these those that are inside of it
-# and outside of the trunk, of these the best.
+# How many poses of the table pass each stage: upper bone inside the hull; whole limb inside the hull and outside the
+# trunk; cheapest with the unexplained outlines.
 _INSIDE, _OUTSIDE, _BEST = 1600, 400, 64
-# Unexplained rays that the poses are scored on.
+# Number of unexplained rays that the poses are scored on.
 _RAYS = 256
-# A ray this near to the rest of the body is explained (m).
+# A ray closer than this to the rest of the body is explained (m).
 _EXPLAINED = 0.012
 # Two poses of a limb are the same if middle joint and end are closer than this (m).
 _APART = 0.12
-# One sampled point of a limb stands for this many of the points that InsideHull samples.
+# One sampled point of a limb stands for this many of the points that InsideSilhouettes samples.
 _SAMPLES = 3.0
 
 
 class Limb(eqx.Module):
-    """Which limb, and the poses to try. Names are static; the table is data."""
+    """A limb and its table of poses. The name is static; the table is data."""
 
     name: str = eqx.field(static=True)
     table: LimbTable
@@ -58,16 +58,16 @@ class Limb(eqx.Module):
 
 
 class Scored(eqx.Module):
-    """The best poses of one limb."""
+    """The cheapest poses of one limb."""
 
     index: Int[Array, " best"]
-    """Into the table."""
+    """Rows of the table."""
     cost: Float[Array, " best"]
-    """Of lying outside of the hull or inside of the trunk."""
+    """Cost of lying outside the hull or inside the trunk."""
     left: Float[Array, "best rays"]
-    """What each ray still costs."""
+    """Remaining cost of each unexplained ray."""
     joints: Float[Array, "best 2 3"]
-    """Middle joint and end (m), from shoulder or hip."""
+    """Middle joint and end of the limb, relative to shoulder or hip (m, world axes)."""
 
 
 _SEGMENTS = {
@@ -83,9 +83,9 @@ _BALLS = {
 def unexplained(
     body: Body, pose: Pose, objective: Objective, observed: Observed, limbs: tuple[str, ...]
 ) -> tuple[Contours, Float[Array, " rays"]]:
-    """Outlines that the body without some limbs leaves unexplained, and what each ray costs.
+    """The outline rays that the body without some limbs leaves unexplained, and the cost of each.
 
-    A fixed number of them; rays that are explained fill up and cost nothing.
+    Their number is fixed; it is filled up with explained rays of zero cost.
     """
     contact = _term(objective, ContourContact)
     assert observed.contours is not None
@@ -106,7 +106,7 @@ def score_limb(
     unexplained: Contours,
     costs: Float[Array, " rays"],
 ) -> Scored:
-    """Score the table of one limb by hull, trunk and unexplained outlines."""
+    """Score the poses of one limb's table by hull, trunk and unexplained outlines."""
     inside, collision = _term(objective, InsideSilhouettes), _term(objective, ArmCollision)
     contact = _term(objective, ContourContact)
     silhouettes = observed.silhouettes
@@ -126,7 +126,7 @@ def score_limb(
         costs = inside.costs(away, jnp.tile(radii, len(points)), jnp.asarray(silhouettes.misses))
         return _SAMPLES * inside.weight / (len(body.links) * 3) * costs.reshape(len(points), -1).sum(1)
 
-    # There are few directions of the upper bone: those that leave the hull are not worth a look at the rest.
+    # The upper bone has few directions: poses whose upper bone leaves the hull are dropped before the rest is scored.
     upper_cost, index = _cheapest(outside(uppers, radii[:2])[directions], _INSIDE)
     lowers = origin[None, None] + lowers[index] @ turned.T
     uppers = uppers[directions[index]]
@@ -156,7 +156,7 @@ def score_limb(
 
 
 def best_pairs(left: Scored, right: Scored, count: int) -> tuple[Int[Array, " count"], Int[Array, " count"]]:
-    """The cheapest pairs of poses of two limbs, each apart from those before it: indices into both tables."""
+    """The cheapest pairs of poses of two limbs that differ from each other, as rows of the two tables."""
     total = jax.vmap(
         lambda cost, points: cost + right.cost + jnp.minimum(points[None], right.left).sum(1)
     )(left.cost, left.left)  # fmt: skip
@@ -171,7 +171,7 @@ def best_pairs(left: Scored, right: Scored, count: int) -> tuple[Int[Array, " co
 
 
 def best_single(scored: Scored, count: int) -> Int[Array, " count"]:
-    """The cheapest poses of one limb, each apart from those before it: indices into the table."""
+    """The cheapest poses of one limb that differ from each other, as rows of the table."""
     near = _near(scored)
 
     def pick(total: Array, _: None) -> tuple[Array, Array]:
@@ -182,7 +182,7 @@ def best_single(scored: Scored, count: int) -> Int[Array, " count"]:
 
 
 def with_limb(pose: Pose, limb: Limb, index: Int[Array, ""]) -> Pose:
-    """The pose with one limb as in a row of the table."""
+    """The pose with one limb replaced by a row of its table."""
     parent, upper, lower, end = (_segment(limb, part) for part in range(4))
     rotations = jnp.asarray(pose.rotations)
     turned = rotations[parent]
@@ -207,18 +207,18 @@ def _segment(limb: Limb, part: int) -> int:
 
 
 def _radii(body: Body, limb: Limb) -> Float[Array, "points=5"]:
-    """Radii of the five points of a table."""
+    """Radii (m) of the five points of a table: two on the upper bone, three on the lower one."""
     balls = np.array([BALL_NAMES.index(limb.name[:2] + name) for name in _BALLS[limb.kind]], np.int32)
     radii = jnp.asarray(body.radii)[balls]
     return radii.at[0].set((radii[0] + radii[1]) / 2)
 
 
-# Capsules of the shoulder girdle, which an upper arm may lie in.
+# Capsules of the shoulder girdle, which may overlap the upper arm.
 _GIRDLE = np.array([any(BALL_NAMES[ball].endswith("girdle") for ball in pair) for pair in LINKS])
 
 
 def _capsules(body: Body, ends: Array | np.ndarray, chosen: Bool[np.ndarray, " capsules"]) -> tuple[Array, Array]:
-    """Ends and radii of some of the body's capsules."""
+    """Ends (m) and radii (m) of some of the body's capsules."""
     index = np.flatnonzero(chosen).astype(np.int32)
     return jnp.asarray(ends)[index], jnp.asarray(body.radii)[jnp.asarray(body.links)[index]]
 

@@ -1,4 +1,4 @@
-"""Tables of limb poses that a search tries: directions of the upper bone, its twist, flexion of the hinge."""
+"""Tables of limb poses for the search: directions and twists of the upper bone, flexions of the hinge."""
 
 import equinox as eqx
 import numpy as np
@@ -9,32 +9,32 @@ from ..body import JOINT_NAMES, PIVOT_NAMES, Skeleton, hinge_axes
 
 _DOWN = np.array([0.0, 0.0, -1.0])
 _HINGES = ("l_elbow", "r_elbow", "l_knee", "r_knee")
-# Number of the upper bone's direction, its twist, flexion of the hinge (rad).
+# Index of the upper bone's direction, its twist (rad), flexion of the hinge (rad).
 _Row = tuple[int, float, float]
 
 
 class LimbTable(eqx.Module):
-    """Poses of one arm or leg, relative to the chest or the pelvis."""
+    """Poses of one arm or leg, relative to the frame of the chest or the pelvis."""
 
     upper: Float[Array | np.ndarray, "poses 3 3"]
     """Rotation of upper arm or thigh, from the body frame at rest to the frame of chest or pelvis."""
     lower: Float[Array | np.ndarray, "poses 3 3"]
-    """Rotation of forearm or shank, likewise; hand or foot turns with it."""
+    """Rotation of forearm or shank, in the same frames; hand or foot turns with it."""
     direction: Int[Array | np.ndarray, " poses"]
-    """Many poses have the upper bone in the same direction; which one."""
+    """Index of the upper bone's direction, which many poses share."""
     upper_points: Float[Array | np.ndarray, "directions points=2 3"]
-    """From shoulder or hip (m): middle of the upper bone, elbow or knee."""
+    """Middle of the upper bone, and elbow or knee, relative to shoulder or hip (m)."""
     lower_points: Float[Array | np.ndarray, "poses points=3 3"]
-    """Likewise: middle of the lower bone, wrist or ankle, palm or ball of the foot."""
+    """Middle of the lower bone, wrist or ankle, and palm or ball of the foot, relative to shoulder or hip (m)."""
 
 
 def arm_table(skeleton: Skeleton, side: str) -> LimbTable:
     """All directions that a shoulder reaches, about 15 degrees apart, with six flexions and seven twists each.
 
-    Left out are an upper arm far across the chest, straight back, or up and back.
+    Directions far across the chest, straight back, or up and back are left out.
 
     Args:
-        skeleton: Template.
+        skeleton: Template (m).
         side: ``l`` or ``r``.
     """
     directions = _sphere(140)
@@ -44,14 +44,19 @@ def arm_table(skeleton: Skeleton, side: str) -> LimbTable:
     for number, direction in enumerate(directions):
         for flexion in (0.15, 0.6, 1.05, 1.5, 1.95, 2.35):
             twists = np.radians(np.arange(-60, 121, 30))
-            if direction[2] > 0.6:  # raised, a shoulder twists farther before the forearm meets the head
+            if direction[2] > 0.6:  # a raised shoulder twists farther before the forearm meets the head
                 twists = np.radians(np.arange(-150, 181, 40))
             rows += [(number, twist, flexion) for twist in (twists if flexion > 0.3 else [0.0])]
     return _table(skeleton, side, "arm", directions, rows)
 
 
 def leg_table(skeleton: Skeleton, side: str) -> LimbTable:
-    """Directions that a hip reaches, about 15 degrees apart, with five flexions and four twists each."""
+    """All directions that a hip reaches, about 15 degrees apart, with five flexions and four twists each.
+
+    Args:
+        skeleton: Template (m).
+        side: ``l`` or ``r``.
+    """
     directions = _sphere(160)
     x, y, z = directions.T
     directions = directions[(y > -0.55) & (y < 0.95) & (x > -0.55) & (z < 0.55)]
@@ -72,7 +77,7 @@ def _table(skeleton: Skeleton, side: str, kind: str, directions: np.ndarray, row
     axis = np.asarray(hinge_axes(skeleton), np.float64)[_HINGES.index(f"{side}_{names[1]}")]
     bone = (middle - top) / np.linalg.norm(middle - top)
     at_rest = np.arctan2((end - middle) @ np.cross(axis, bone), (end - middle) @ bone)
-    # From rest to hanging, the hinge bending to where it bends at rest.
+    # Rotation from rest to a hanging limb, with the hinge axis in its usual direction (arms: to the right; legs: left).
     across = np.array([0.0, -1.0, 0.0]) if kind == "arm" else np.array([0.0, 1.0, 0.0])
     hanging = _basis(_DOWN, across) @ _basis(bone, axis).T
 
@@ -87,7 +92,7 @@ def _table(skeleton: Skeleton, side: str, kind: str, directions: np.ndarray, row
     hinge = upper @ (middle - top)
     offsets = (0.5 * (pivot - middle), pivot - middle, end - middle)
     points = np.stack([hinge + lower @ offset for offset in offsets], 1)
-    # A twist about the upper bone leaves it where it is.
+    # A twist about the upper bone does not move it.
     bones = np.linalg.norm(middle - top) * directions
     uppers = np.stack([0.5 * bones, bones], 1)
     single = (a.astype(np.float32) for a in (uppers, points))

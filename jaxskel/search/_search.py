@@ -1,6 +1,6 @@
-"""The pose of a frame by search: hypotheses from the graph and from tables of limb poses, fitted to the hull, compared.
+"""Pose search in single frames: fit hypotheses from the graph and from tables of limb poses to the silhouettes.
 
-All hypotheses of all frames take the same steps.
+All hypotheses of all frames take the same number of steps, so that they can be batched.
 """
 
 from collections.abc import Callable
@@ -24,65 +24,65 @@ from ._start_poses import other_ways
 _ARMS, _LEGS = ("l_arm", "r_arm"), ("l_leg", "r_leg")
 _LIMBS = _ARMS + _LEGS
 _ARM_SEGMENTS = ("clavicle", "upper_arm", "forearm", "hand")
-# A search that makes a pose cheaper by no more than this is not repeated.
+# A search is repeated only if it made the pose cheaper by more than this.
 _GAIN = 1.0
-# What is dear, relative to the typical cost: a share and an offset.
+# Cost threshold: 1.05 x typical + 8.
 _DEAR = 1.05, 8.0
-# What is worth another search costs so much more than the cheapest frames do: poor masks raise the costs of some frames
-# far more than of others, and then a high cost tells little.
+# A frame is searched again if it costs this much more than the cheapest frames. An offset, not a factor: poor masks
+# raise the costs of some frames far more than of others, and then a high cost is no sign of a wrong pose.
 _DOUBTFUL = 10.0
-# The segments that a body without arms has.
+# The segments of the body without arms.
 _TRUNK = np.array([i for i, name in enumerate(SEGMENT_NAMES) if name[2:] not in _ARM_SEGMENTS], np.int32)
-# Limbs are looked for with one of so many rays.
+# The limb search uses one in this many rays, to save time.
 _SOME = 3
-# Poses that limbs are searched for at once. What more of them need meanwhile (over 32 MB) is asked from the system each
-# time, and given back.
+# Poses per batch of the limb search. Larger batches need over 32 MB of temporary memory, which the system then
+# allocates and frees each time.
 _LIMBS_AT_ONCE = 4
 
 _Propose = Callable[[Pose, Array], Pose]
-"""Gives poses (axis ``n``) of some frames other limbs (axes ``n proposals``)."""
+"""Proposes other limbs for poses (axis ``n``) of the given frames; returns poses with axes ``n proposals``."""
 
 
 class Search(eqx.Module):
-    """How broad and how deep to search."""
+    """Breadth and depth of the search. Margins and costs are in the units of `volume_objective`."""
 
     rough_steps: int = 4
-    """Steps of a first look at the starts."""
+    """Steps of the first, rough fit of each start."""
     starts: int = 4
-    """Starts that go on after the first look."""
+    """Starts kept after the rough fit."""
     leg_steps: int = 10
-    """Steps of the fit of trunk and legs."""
+    """Steps of the fit of trunk and legs, without arms."""
     trunks: int = 2
-    """Trunks with legs that go on after half of these, and that arms are searched for, at most."""
+    """Largest number of trunk-and-leg hypotheses kept half-way through `leg_steps`, and of those that get arms."""
     trunk_margin: float = 20.0
-    """A trunk with legs goes on as long as it costs no more than the cheapest one and this."""
+    """A trunk-and-leg hypothesis is kept if it costs at most this much more than the cheapest of its frame."""
     margin: float = 10.0
-    """The same for hypotheses of all limbs."""
+    """The same margin for hypotheses with all limbs."""
     pairs: int = eqx.field(static=True, default=4)
-    """Pairs of limbs that a search proposes. Static: another number compiles again."""
+    """Pairs of limb poses that a search for two limbs proposes. Static: another number compiles again."""
     singles: int = eqx.field(static=True, default=4)
-    """Poses that the search for a single arm proposes. Static likewise."""
+    """Limb poses that the search for a single arm proposes. Static: another number compiles again."""
     steps: int = 8
-    """Steps of a fit with all limbs; after half of them only the promising hypotheses go on."""
+    """Steps of a fit with all limbs; only promising hypotheses take the second half of them."""
     again: int = 2
-    """How often each arm is freed and searched for again, as long as that makes the pose cheaper."""
+    """Largest number of times that each arm is removed and searched for again; stops when the cost no longer falls."""
     doubtful: float = 45.0
-    """Where a pose costs more than this, the legs are searched for too, and then everything from the fallback."""
+    """Above this cost the legs are searched for too, and then the search starts again from the fallback poses."""
 
     def relative_to(self, low: float | None) -> "Search":
-        """The same search, where it is known what the cheapest frames of this recording cost."""
+        """The same search with `doubtful` set relative to `low`, the cost of this recording's cheapest frames."""
         return self if low is None else eqx.tree_at(lambda s: s.doubtful, self, low + _DOUBTFUL)
 
 
 def cost_threshold(typical: float | None) -> float:
-    """What a frame hardly ever costs where it typically costs so much."""
+    """Cost that few frames of a recording exceed (1.05 x typical + 8); `Search.doubtful` if `typical` is unknown."""
     if typical is None:
         return Search().doubtful
     return _DEAR[0] * typical + _DEAR[1]
 
 
 class Model(eqx.Module):
-    """What is known about the subject, ready for the search."""
+    """The subject's body, prepared for the search."""
 
     body: Body
     armless: Body
@@ -91,19 +91,19 @@ class Model(eqx.Module):
 
     @property
     def objective(self) -> Objective:
-        """What a pose of the body costs."""
+        """The objective of a pose of the whole body."""
         return volume_objective(self.body)
 
     @property
     def skeleton(self) -> Skeleton:
-        """Of the body."""
+        """Skeleton of the body."""
         return self.body.skeleton
 
 
 def make_model(body: Body) -> Model:
     """Prepare a subject for the search."""
     body = single_precision(body)
-    # The arms' balls are still there, for terms that look at them, but far thinner than nothing: they touch nothing.
+    # The arms' balls stay, because some terms index them, but with negative radii, so that they touch nothing.
     arms = limb_capsules("l_arm", "r_arm")
     balls = np.isin(np.arange(len(BALL_NAMES)), np.setdiff1d(LINKS[arms], LINKS[~arms]))
     radii = np.where(balls, -9, body.radii)
@@ -124,15 +124,16 @@ def solve_frames(
 
     Args:
         model: The subject.
-        search: How broad and how deep.
+        search: Breadth and depth of the search.
         starts: Poses to start from, with leading axes ``some starts``.
-        fallback: Poses to start from where these lead to nothing that is cheap, with axes ``frames starts``. Where they
+        fallback: Poses to start from where `starts` give no pose below `Search.doubtful`, with axes ``frames starts``.
+            Where these fail too, the best pose so far is turned to other directions (`other_ways`).
             do not either, what was found is turned to face other ways.
         observed: Outlines and silhouettes, with a leading axis ``frames``, see `on_device`.
-        frames: Of these, the ones to search in; by default all.
+        frames: Indices of the frames to search in; by default all.
 
     Returns:
-        Poses of the frames searched in, with axes ``some hypotheses``, the cheapest first.
+        Poses (m, in the world) with axes ``some hypotheses``, the cheapest first.
     """
     frames = np.arange(len(fallback.root)) if frames is None else frames
     stack = on_device(observed)
@@ -157,7 +158,7 @@ def solve_frames(
 
 def _searched(model: Model, search: Search, starts: Pool, stack: Observed) -> Pool:
     def again(found: Pool, frames: Int[np.ndarray, " some"], propose: _Propose) -> Pool:
-        """Free limbs of the best pose of some frames, fit what is proposed for them, and keep what is cheaper."""
+        """Propose other limbs for the best pose of some frames, fit the proposals, and keep the cheapest."""
         if len(frames) == 0:
             return found
         best = found.of(frames).cheapest(1)
@@ -169,7 +170,7 @@ def _searched(model: Model, search: Search, starts: Pool, stack: Observed) -> Po
         return _with_single(model, poses, at, stack, limb, search.singles)
 
     def settled(found: Pool) -> Pool:
-        """The best pose of each frame takes more steps."""
+        """Fit the best pose of each frame further."""
         best = fit_pool(model.body, found.cheapest(1), stack, fit_scales((0.04, search.steps)))
         return best.joined(found).cheapest(search.trunks * search.pairs)
 
@@ -187,7 +188,7 @@ def _searched(model: Model, search: Search, starts: Pool, stack: Observed) -> Po
 
 
 def _first_found(model: Model, search: Search, starts: Pool, stack: Observed) -> Pool:
-    """Trunk, legs, then both arms at once."""
+    """Fit the trunk, then the legs, then search for both arms at once."""
     half = search.leg_steps // 2
     trunks = fit_pool(model.armless, starts, stack, fit_scales((0.08, search.rough_steps))).cheapest(search.starts)
     for scale, steps in ((0.08, half), (0.05, search.leg_steps - half)):
@@ -198,7 +199,7 @@ def _first_found(model: Model, search: Search, starts: Pool, stack: Observed) ->
 
 
 def _fitted(model: Model, search: Search, pool: Pool, stack: Observed, count: int, known: Pool | None = None) -> Pool:
-    """Fit hypotheses of all limbs; a few promising ones take all steps, the others stay where they are half-way."""
+    """Fit hypotheses with all limbs; only the promising ones take the second half of the steps."""
     half = search.steps // 2
     rough = fit_pool(model.body, pool, stack, fit_scales((0.06, half)))
     chosen = select_distinct(rough, search.margin, count, known=known)
@@ -207,7 +208,7 @@ def _fitted(model: Model, search: Search, pool: Pool, stack: Observed, count: in
 
 
 def _proposed(pool: Pool, propose: _Propose) -> Pool:
-    """All that is proposed for each hypothesis of a pool."""
+    """All proposals for each hypothesis of a pool, with costs not computed yet."""
     return pool_of(in_chunks(propose, pool, _LIMBS_AT_ONCE), pool.frame)
 
 
@@ -215,7 +216,7 @@ def _proposed(pool: Pool, propose: _Propose) -> Pool:
 def _with_pairs(
     model: Model, poses: Pose, frames: Int[Array, " n"], stack: Observed, names: tuple[str, str], count: int
 ) -> Pose:
-    """Free two limbs of each pose and give them their best pairs (axes ``n count``)."""
+    """Replace two limbs of each pose by their cheapest pairs of table poses (axes ``n count``)."""
     limbs = tuple(model.limbs[name] for name in names)
 
     def one(pose: Pose, frame: Int[Array, ""]) -> Pose:
@@ -230,7 +231,7 @@ def _with_pairs(
 
 @cached_jit
 def _with_single(model: Model, poses: Pose, frames: Int[Array, " n"], stack: Observed, name: str, count: int) -> Pose:
-    """Free one limb of each pose and give it its best poses (axes ``n count``)."""
+    """Replace one limb of each pose by its cheapest table poses (axes ``n count``)."""
 
     def one(pose: Pose, frame: Int[Array, ""]) -> Pose:
         limb, some = model.limbs[name], stack.of(frame).thinned(_SOME)

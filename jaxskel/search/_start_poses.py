@@ -1,4 +1,4 @@
-"""Where the search for a pose starts: trunk and legs from the graph in eight ways; eight more where the graph fails."""
+"""Start poses of the search: eight a frame from the graph; eight more that need no graph."""
 
 import numpy as np
 from jaxtyping import Float
@@ -8,21 +8,21 @@ from ..body import JOINT_NAMES, PIVOT_NAMES, SEGMENT_NAMES, Pose, Skeleton, hing
 from ..matching import L_FOOT, R_FOOT, Limbs
 
 STARTS = 8
-# A crouch: trunk to the front, thighs raised, knees bent (rad), the pelvis behind and below the middle of the body
-# (shares of the stature).
+# A crouch: lean of the trunk, flexion of hips and knees (rad), and the pelvis relative to the middle of the body
+# (shares of the stature, in the frame of the body: behind and below).
 _LEAN, _HIP, _KNEE = 0.3, 1.8, 2.1
 _CROUCHED = np.array([-0.12, 0.0, -0.09])
 _LEFT_OF_FRONT = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # a quarter turn about z
 
 
 def start_poses(limbs: Limbs, facing: Float[np.ndarray, "frames 3"], skeleton: Skeleton) -> Pose:
-    """Eight poses a frame: four directions that the body may face, each with the feet straight and crossed.
+    """Eight poses a frame: four facing directions, each with the feet straight and crossed.
 
-    The first is the one that the graph speaks for. Knees bend towards the front; arms are as at rest.
+    The first has the facing direction given. Knees bend towards the front; arms are at rest.
 
     Args:
-        limbs: Labelled limbs in a world with z up; which hand is which is not used.
-        facing: Horizontal direction that the body seems to face; the frame's x axis where it is zero.
+        limbs: Labelled limbs (m) in a world with z up; the labels of the hands are not used.
+        facing: Estimated horizontal unit vector in which the body faces; the world's x axis where it is zero.
         skeleton: Template.
 
     Returns:
@@ -34,21 +34,21 @@ def start_poses(limbs: Limbs, facing: Float[np.ndarray, "frames 3"], skeleton: S
     spine = np.where(np.linalg.norm(spine, axis=1, keepdims=True) > 0.05, spine, [0.0, 0.0, 1.0])
     feet = np.stack([limbs.ends[:, L_FOOT], limbs.ends[:, R_FOOT]], 1)
     missing = ~limbs.found[:, [L_FOOT, R_FOOT]]
-    # A foot that the graph does not have is probably beside the other one; without both, below the pelvis.
+    # A missing foot is put where the other one is; if both are missing, below the pelvis.
     below = limbs.pelvis - [0.0, 0.0, 0.5 * skeleton.stature]
     other = np.where(missing[:, ::-1, None], below[:, None], feet[:, ::-1])
     return _eight_ways(limbs.pelvis, spine, front, np.where(missing[..., None], other, feet), skeleton)
 
 
 def other_ways(joints: Float[np.ndarray, "frames joints=15 3"], skeleton: Skeleton) -> Pose:
-    """Eight poses a frame around one that was found: it may face another way, its feet may be exchanged.
+    """Eight poses a frame around a pose already found, facing four ways and with the feet exchanged or not.
 
     Args:
-        joints: As they were found (m), in a world with z up.
+        joints: Joints of the pose found (m), in a world with z up.
         skeleton: Template.
 
     Returns:
-        Poses like those of [`start_poses`][], the first as it was found but for the arms.
+        Poses like those of [`start_poses`][]; the first is the pose found, but with arms at rest.
     """
     pelvis, neck, left_hip, right_hip, *feet = (
         joints[:, JOINT_NAMES.index(name)] for name in ("pelvis", "neck", "l_hip", "r_hip", "l_foot", "r_foot")
@@ -102,7 +102,7 @@ def graphless_poses(middles: Float[np.ndarray, "frames 3"], skeleton: Skeleton) 
 
 
 def _about_left(angle: float) -> Float[np.ndarray, "3 3"]:
-    """Rotation about the axis to the left (rad): positive leans what is upright to the front."""
+    """Rotation about the y axis (left) by an angle (rad); a positive angle leans an upright body forwards."""
     return turn_about(np.array([[0.0, 1.0, 0.0]]), np.array([angle]))[0]
 
 
@@ -134,7 +134,7 @@ def _reach(
     bones: tuple[np.ndarray, np.ndarray],
     axis: Float[np.ndarray, "3"],
 ) -> tuple[Float[np.ndarray, "frames 3 3"], Float[np.ndarray, "frames 3 3"]]:
-    """Turn two bones, joined by a hinge that opens to the front, so that they end at the goal or near it."""
+    """Rotate two bones joined by a hinge, which opens to the front, so that they end at the goal or near it."""
     upper, lower = (float(np.linalg.norm(bone)) for bone in bones)
     bone = bones[0] / upper
     at_rest = np.arctan2(bones[1] @ np.cross(axis, bone), bones[1] @ bone)

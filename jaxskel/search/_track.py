@@ -1,4 +1,4 @@
-"""Poses of consecutive frames: each frame is fitted from the one before, full searches keep the track honest."""
+"""Tracking: each frame is fitted from the one before; full searches at intervals correct the track."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -17,47 +17,47 @@ from ._fit import Scales, fit_hypothesis, fit_scales
 from ._hypotheses import Hypotheses, Pool, pool_of
 from ._search import Model, Search, cost_threshold, solve_frames
 
-# Frames followed in one go, forwards and backwards.
+# Frames per batch that is tracked forwards and backwards.
 TRACKED_FRAMES = 32
-# Costs that the running median looks back on.
+# Number of past costs in the running median.
 _RECENT = 90
-# Poses that agree to this in every joint are the same (m).
+# Two poses are the same if no joint differs by more than this (m).
 _SAME = 0.05
-# Where a joint moves farther than this from one frame to the next (m), the pose before tells little of the one after.
+# If a joint moves farther than this between two frames (m), the track may be lost, and the frame is searched in.
 _FAR = 0.2
 
 
 class Tracking(eqx.Module):
-    """How to follow a person from frame to frame."""
+    """Settings of tracking."""
 
     interval: float = 0.25
-    """Time between two full searches (s): so long at most does the track follow a pose that another one beats."""
+    """Time between two full searches (s): the longest time that the track can follow a pose that another one beats."""
     steps: int = 6
-    """Steps of the fit from the frame before."""
+    """Steps of the fit that starts at the pose of the frame before."""
     margin: float = 2.0
-    """Hysteresis: by so much must another pose be cheaper to be switched to."""
+    """Hysteresis: the track switches to another pose only if that is cheaper by this cost."""
 
 
 class Track(eqx.Module):
-    """Where a person was."""
+    """State of tracking after the last frame."""
 
     last: Pose
     before: Pose
     since: int
     """Frames since the last full search."""
     costs: Float[np.ndarray, " recent"]
-    """Of the poses so far, the last ones."""
+    """Costs of the most recent poses."""
     sides: float = 0.5
-    """How sure the last full search was of left and right."""
+    """Confidence of the last full search that left and right are not exchanged (0.5..1)."""
 
 
 class Proposed(NamedTuple):
-    """Where a search in some frames starts."""
+    """Start poses for a full search in some frames."""
 
     starts: Pose
     """Axes ``frames starts``."""
     sides: Float[np.ndarray, " frames"]
-    """How sure left and right are (0.5..1)."""
+    """Confidence that left and right are not exchanged (0.5..1)."""
 
 
 def track_frames(
@@ -70,26 +70,25 @@ def track_frames(
     fallback: Pose,
     observed: Observed,
 ) -> tuple[Hypotheses, Float[np.ndarray, " frames"], Track]:
-    """Poses of up to `TRACKED_FRAMES` consecutive frames.
+    """Estimate the poses of up to `TRACKED_FRAMES` consecutive frames.
 
-    A full search is made at regular intervals, where the track costs more than is usual for the subject, and where it
-    moves so far that it may have been led astray. From the poses that it finds the track goes on forwards and
-    backwards; where the two differ, the one that is cheaper over all frames wins, and so left and right are decided by
-    the sequence.
+    A full search runs at regular intervals, in frames that cost more than is usual for the subject, and in frames where
+    a joint moves suspiciously far. From the poses found, the track runs forwards and backwards. Where the two differ,
+    the path that is cheaper over all frames wins, so the sequence as a whole decides between left and right.
 
     Args:
         model: The subject.
-        search: How to search.
-        tracking: How to follow.
+        search: Settings of the full search.
+        tracking: Settings of tracking.
         fps: Frames per second.
-        track: Where the person was in the frames before; None where that is not known.
-        propose: Gives poses to start from for those frames that are searched in.
+        track: State after the frames before; None at the start.
+        propose: Returns the start poses for the given frame indices.
         fallback: As for `solve_frames`.
         observed: Outlines and silhouettes, with a leading axis ``frames``.
 
     Returns:
-        Two hypotheses for each frame, the chosen one first; how sure left and right are, by the last search; and the
-        track to go on with.
+        Two hypotheses for each frame, the chosen one first; the confidence of the latest search in left and right
+        (0.5..1); and the new tracking state.
     """
     count = len(fallback.root)
     every = max(1, round(tracking.interval * fps))
@@ -105,7 +104,7 @@ def track_frames(
         found = solve_frames(model, search, starts, fallback, stack, frames)
         return Pool(frames, found.best, found.cost[:, 0])
 
-    # What is not searched for is offered by nobody.
+    # Frames not searched get a placeholder of infinite cost.
     offers = pool_of(jax.tree.map(lambda a: a[:, :1], fallback), np.arange(count))
     if len(searched):
         offers = offers.joined(searched_in(searched)).cheapest(1)
@@ -123,7 +122,7 @@ def track_frames(
     if count == 1 and track is not None:
         before = track.last
     costs = np.concatenate([costs, found.cost[:, 0]])[-_RECENT:]
-    # Each frame knows what the last search before it found.
+    # Each frame takes the confidence of the latest search before it.
     latest = np.maximum.accumulate(np.where(np.isnan(sides), -1, np.arange(count)))
     sides = np.where(latest >= 0, sides[latest], 0.5 if track is None else track.sides)
     return found, sides, Track(last, before, (since + count) % every, costs, float(sides[-1]))
@@ -162,10 +161,10 @@ def cheapest_path(
     margin: float,
     start: Float[np.ndarray, "points 3"] | None = None,
 ) -> Int[np.ndarray, " frames"]:
-    """Which track to be on in each frame: costs add up, and so does the margin for each jump (Viterbi).
+    """Viterbi path over the tracks: the minimum of the summed costs plus `margin` for each jump between tracks.
 
-    It is a jump where the poses of both tracks in the frame that is left differ; from `start`, where the new pose is
-    as far from it as no person moves.
+    Switching tracks after a frame is a jump if the poses of the two tracks differ in that frame. Beginning on a track
+    is a jump if its first pose is farther from `start` (m) than the nearest one.
     """
     frames, tracks = costs.shape
     apart = np.linalg.norm(places[:, :, None] - places[:, None], axis=-1).max(-1)
@@ -198,9 +197,9 @@ def _follow(
     order: Int[Array, " frames"],
     stack: Observed,
 ) -> tuple[Pose, Float[Array, " frames"]]:
-    """Fit each frame from the one before in some order, and from where the motion leads to.
+    """Fit each frame, in the given order, from the pose before and from its extrapolation; keep the cheaper result.
 
-    What is offered is taken where it is cheaper.
+    An offered pose replaces it if that is cheaper by more than `margin`.
     """
 
     def step(past: tuple[Pose, Pose], frame: tuple[Pose, Array, Array]) -> tuple[tuple[Pose, Pose], tuple[Pose, Array]]:
@@ -212,7 +211,7 @@ def _follow(
         pose, cost = jax.tree.map(lambda a: a[best], (poses, cost))
         switch = offered_cost < cost - margin
         pose = jax.tree.map(lambda new, old: jnp.where(switch, new, old), offered, pose)
-        # After a jump there is no motion to go on with.
+        # After a switch, the velocity is zero.
         last = jax.tree.map(lambda new, old: jnp.where(switch, new, old), pose, last)
         return (pose, last), (pose, jnp.where(switch, offered_cost, cost))
 
@@ -220,9 +219,9 @@ def _follow(
 
 
 def _onwards(last: Pose, before: Pose) -> Pose:
-    """The pose after the last one if the motion goes on as it was."""
+    """Extrapolate the pose with constant velocity (m, in the world)."""
     rotations, old = jnp.asarray(last.rotations), jnp.asarray(before.rotations)
-    # Written out: see `HingedLimbs`.
+    # Products written out: faster for small matrices, see `_product` in `HingedLimbs`.
     turns = (rotations[:, :, None] * old[:, None]).sum(-1)
     turned = (turns[..., None] * rotations[:, None]).sum(-2)
     return Pose(2 * jnp.asarray(last.root) - before.root, turned)

@@ -1,4 +1,4 @@
-"""Whether a pose explains what was seen: how much of the outlines is left over."""
+"""Share of the outlines that a pose leaves unexplained, and the trust in a pose that follows from it."""
 
 import jax
 import jax.numpy as jnp
@@ -10,25 +10,25 @@ from ..body import Body, Pose, capsule_ends, nearest_to_rays
 from ..outlines import Contours
 from ..refinement.terms import place
 
-# An outline no farther from the body than this may be its own (m).
+# An outline ray closer to the body than this is explained (m).
 _NEAR = 0.04
-# Holes and blobs in poor masks leave this share of the outlines to nobody.
+# Unexplained share that holes and blobs in poor masks cause on their own.
 _POOR_MASKS = 0.125
-# A fit that leaves this share to nobody is of something else than the subject.
+# Above this unexplained share, the fit is to something other than the subject.
 NOT_THE_SUBJECT = 0.4
 
 
 def trust_in_explained(shares: Float[np.ndarray, " frames"]) -> Float[np.ndarray, " frames"]:
-    """How far to trust poses that leave these shares of the outlines to nobody, from 0 to 1.
+    """Trust in poses that leave these shares of the outlines unexplained, from 0 to 1.
 
-    What the person sits on or holds is in the silhouettes too: it pulls at the body, as does what it hides.
+    Objects that a person sits on or holds are in the silhouettes too; both they and what they hide bias the fit.
     """
     return np.clip((NOT_THE_SUBJECT - shares) / (NOT_THE_SUBJECT - _POOR_MASKS), 0.0, 1.0)
 
 
 @cached_jit
 def unexplained_shares(body: Body, poses: Pose, contours: Contours) -> Float[Array, " frames"]:
-    """Share of each frame's outlines that lie outside of the body, and not near it."""
+    """Share of each frame's outline rays that pass the body at a distance of more than 4 cm."""
 
     def share(pose: Pose, contours: Contours) -> Array:
         placed = place(body.skeleton, pose)

@@ -4,7 +4,6 @@ In: a recording and what was found. Out: images. `figures` and `plots` need Matp
 `report` and `viewer` are rooms of their own.
 """
 
-from ._figures import plot_stages as plot_stages
 from ._overlays import LEFT as LEFT
 from ._overlays import MIDDLE as MIDDLE
 from ._overlays import RIGHT as RIGHT
@@ -13,4 +12,3 @@ from ._overlays import draw_hull as draw_hull
 from ._overlays import draw_silhouette as draw_silhouette
 from ._overlays import draw_skeleton as draw_skeleton
 from ._overlays import tile as tile
-from ._plots import plot_score as plot_score

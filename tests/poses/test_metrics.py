@@ -10,7 +10,7 @@ from rich.console import Console
 from jaxskel.body import JOINT_NAMES, MIRROR_JOINTS, default_adult
 from jaxskel.poses import CURVE_THRESHOLDS_MM, LIMBS, Score, score, score_table
 from jaxskel.poses.metrics import join_scores
-from jaxskel.visualization import plot_score
+from jaxskel.visualization.plots import plot_score
 
 FRAMES = 4
 ARMS = [JOINT_NAMES.index(f"{side}_{name}") for side in "lr" for name in ("shoulder", "elbow", "hand")]

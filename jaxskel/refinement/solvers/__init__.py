@@ -1,6 +1,6 @@
-"""Levenberg-Marquardt on normal equations, dense for single frames and banded for sequences.
+"""Levenberg-Marquardt solvers on the normal equations: dense for single frames, banded for sequences.
 
-They are solvers of Optimistix; any other of its solvers will do.
+They are Optimistix solvers; any other Optimistix solver can take their place.
 """
 
 from ._banded import BandedEquations as BandedEquations

@@ -1,7 +1,7 @@
-"""Levenberg-Marquardt for frames that neighbours in time are coupled to: the work grows with their number, no faster.
+"""Levenberg-Marquardt for frames that are coupled to their neighbours in time; cost is linear in their number.
 
-Residuals of a frame depend on its own unknowns, those of a coupling on three consecutive frames'. So the normal matrix
-is a band of blocks, and a Cholesky factorisation walks along it once.
+A frame's residuals depend on its own unknowns, a coupling's on those of three consecutive frames. So the normal matrix
+is block-banded, and one Cholesky factorisation along the band solves it.
 """
 
 from collections.abc import Callable
@@ -15,37 +15,37 @@ from jaxtyping import Array, Float, PyTree
 
 from ._levenberg_marquardt import AbstractEquations, NormalEquationsLM, not_zero
 
-# A coupling looks at a frame, the one before and the one after.
+# A coupling involves a frame, the one before and the one after.
 _REACH = 3
 
 
 class Coupled(eqx.Module):
-    """Residuals of a sequence."""
+    """Residuals of a sequence, of frames and of couplings between them."""
 
     frames: PyTree[Float[Array, "frames ..."]]
-    """Of each frame alone."""
+    """Residuals of each single frame."""
     couplings: PyTree[Float[Array, "couplings ..."]]
-    """Of three consecutive frames; empty with less than three."""
+    """Residuals of each three consecutive frames; empty with fewer than three."""
 
 
 class BandedEquations(AbstractEquations):
-    """Normal equations of `Coupled` residuals and unknowns ``frames x unknowns``: blocks on and above the diagonal."""
+    """Normal equations of `Coupled` residuals, unknowns ``frames x unknowns``: blocks on and above the diagonal."""
 
     own: Float[Array, "frames unknowns unknowns"]
     next: Float[Array, "frames unknowns unknowns"]
-    """Between each frame and the one after it."""
+    """Blocks between each frame and the next."""
     second: Float[Array, "frames unknowns unknowns"]
-    """Between each frame and the one after that."""
+    """Blocks between each frame and the next but one."""
     gradient: Float[Array, "frames unknowns"]
 
     @classmethod
     def of(
         cls, y: Float[Array, "frames unknowns"], residual: Coupled, slope: Callable[[Any], Coupled]
     ) -> "BandedEquations":
-        """At `y`, from how the residuals change with each unknown."""
+        """Form the equations at `y`; `slope` maps a change v of `y` to the change of the residuals (``J v``)."""
         frames, count = y.shape
         units = jnp.eye(count, dtype=y.dtype)
-        # One unknown of all frames at once: no frame's own residuals see another frame.
+        # One unknown of all frames at once: a frame's own residuals do not depend on other frames.
         every = jax.vmap(lambda unit: slope(jnp.broadcast_to(unit, y.shape)).frames)(units)
         own, gradient = jnp.zeros((*y.shape, count), y.dtype), jnp.zeros_like(y)
         found = cls(own, own, own, gradient)
@@ -55,7 +55,7 @@ class BandedEquations(AbstractEquations):
         found = cls(own, found.next, found.second, gradient)
         if frames < _REACH or not jax.tree.leaves(residual.couplings):
             return found
-        # Of every third frame at once: a coupling sees one of them.
+        # One unknown of every third frame at once: a coupling depends on only one of these frames.
         turn = jnp.arange(frames, dtype=jnp.int32) % _REACH
         colours = jnp.arange(_REACH, dtype=jnp.int32)[:, None] == turn[None]
         probe = jax.vmap(lambda unit: slope(unit).couplings)
@@ -74,7 +74,7 @@ class BandedEquations(AbstractEquations):
         return result
 
     def step(self, step_size: Any) -> Float[Array, "frames unknowns"]:
-        """The step for a damping of one over `step_size`."""
+        """The step for a damping of ``1 / step_size``."""
         damping = jnp.eye(self.own.shape[1], dtype=self.own.dtype) / not_zero(step_size, self.own)
         return -solve_banded(eqx.tree_at(lambda s: s.own, self, self.own + damping[None]))
 
@@ -90,9 +90,9 @@ def _leaves(columns: Any, residuals: Any, count: int) -> list[tuple[Array, Array
 def _coupled(
     found: BandedEquations, columns: Float[Array, "3 unknowns couplings rows"], residual: Float[Array, "couplings rows"]
 ) -> BandedEquations:
-    """Add what couplings of three frames each say."""
+    """Add the contribution of couplings, each of three frames."""
     number = np.arange(len(residual), dtype=np.int32)
-    # Of the first, second and third frame of each coupling: 3 x couplings x unknowns x rows.
+    # Jacobian by the first, second and third frame of each coupling: 3 x couplings x unknowns x rows.
     parts = [columns[(number + place) % _REACH, :, number] for place in range(_REACH)]
     own, after, second, gradient = found.own, found.next, found.second, found.gradient
     for place, part in enumerate(parts):
@@ -105,16 +105,16 @@ def _coupled(
 
 
 def solve_banded(equations: BandedEquations) -> Float[Array, "frames unknowns"]:
-    """Solve ``matrix x = gradient``, by Cholesky factors of blocks of two frames."""
+    """Solve ``matrix x = gradient`` by block Cholesky factorisation, two frames a block."""
     frames, count = equations.gradient.shape
     if frames % 2:
-        # One frame more, that nothing holds to the others.
+        # Pad with one frame that is not coupled to the others.
         equations = jax.tree.map(lambda a: jnp.concatenate([a, jnp.zeros_like(a[:1])]), equations)
         extra = jnp.eye(count, dtype=equations.own.dtype)
         equations = eqx.tree_at(lambda e: e.own, equations, equations.own.at[-1].set(extra))
     even, odd = (jax.tree.map(lambda a, s=s: a[s::2], equations) for s in (0, 1))
     diagonal = _square(even.own, even.next, even.next.swapaxes(1, 2), odd.own)
-    # From each pair to the one before it.
+    # Blocks between each pair and the one before it.
     back = _square(even.second, jnp.zeros_like(even.second), odd.next, odd.second).swapaxes(1, 2)
     back = jnp.concatenate([jnp.zeros_like(back[:1]), back[:-1]])
     right = jnp.concatenate([even.gradient, odd.gradient], 1)
@@ -141,10 +141,10 @@ def solve_banded(equations: BandedEquations) -> Float[Array, "frames unknowns"]:
 
 
 def _square(a: Array, b: Array, c: Array, d: Array) -> Array:
-    """Blocks ``[[a, b], [c, d]]``."""
+    """Stack of block matrices ``[[a, b], [c, d]]``."""
     return jnp.concatenate([jnp.concatenate([a, b], 2), jnp.concatenate([c, d], 2)], 1)
 
 
 def sequence_solver() -> NormalEquationsLM:
-    """Levenberg-Marquardt for `refine_sequence`, to three millimetres or milliradians."""
+    """Levenberg-Marquardt for `refine_sequence`, with tolerances of 3 mm or 3 mrad."""
     return NormalEquationsLM(rtol=1e-2, atol=3e-3, equations=BandedEquations)

@@ -1,9 +1,9 @@
-"""Levenberg-Marquardt for many small problems at once, on normal equations that are made once a step.
+"""Levenberg-Marquardt for batches of small problems, with the normal equations formed once for each accepted step.
 
-`optimistix.LevenbergMarquardt` keeps the linearised residuals from step to step, and solves the damped problem anew for
-each damping, with the Jacobian and a square root of the damping below it. For a few dozen unknowns the normal equations
-say the same, for the step as for the decrease that it promises, in a fraction of the memory; and batches of frames are
-bound by memory. Trust region and stop are Optimistix' own.
+`optimistix.LevenbergMarquardt` stores the linearised residuals and, for each damping, solves a stacked system of the
+Jacobian and the root of the damping. For a few dozen unknowns the normal equations give the same step and the same
+predicted decrease in a fraction of the memory, which limits the speed of batches of frames. Trust region and stopping
+criteria are those of Optimistix.
 """
 
 from abc import abstractmethod
@@ -18,20 +18,20 @@ import optimistix as optx
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, PyTree
 
-# How often the precision of its numbers a cost is rounded by, having gone through positions, rotations and sums.
+# Rounding error of a cost, in units of machine precision: positions, rotations and sums each add to it.
 _ROUNDING = 4
 
 
 class AbstractEquations(eqx.Module):
-    """``J^T J`` and ``J^T r`` of a linearised problem, in whatever form suits it."""
+    """Normal equations ``J^T J``, ``J^T r`` of a linearised problem, in a form that suits its structure."""
 
     gradient: eqx.AbstractVar[Any]
-    """``J^T r``, like the unknowns."""
+    """``J^T r``, with the structure of the unknowns."""
 
     @classmethod
     @abstractmethod
     def of(cls, y: Any, residual: Any, slope: Callable[[Any], Any]) -> "AbstractEquations":
-        """At `y`; `slope` says how the residual begins to change when `y` does (``J v``)."""
+        """Form the equations at `y`; `slope` maps a change v of `y` to the change of the residual (``J v``)."""
 
     @abstractmethod
     def applied(self, change: Any) -> Any:
@@ -39,24 +39,24 @@ class AbstractEquations(eqx.Module):
 
     @abstractmethod
     def step(self, step_size: Any) -> Any:
-        """``-(J^T J + I / step size)^-1 J^T r``; not finite where the matrix is not."""
+        """The step ``-(J^T J + I / step_size)^-1 J^T r``; not finite if the matrix is not."""
 
 
 class NormalEquations(AbstractEquations):
-    """In full, for a few dozen unknowns."""
+    """Dense normal equations, for a few dozen unknowns."""
 
     matrix: Float[Array, "unknowns unknowns"]
     gradient: PyTree[Float[Array, "..."]]
 
     @classmethod
     def of(cls, y: Any, residual: Any, slope: Callable[[Any], Any]) -> "NormalEquations":
-        """At `y`, from how the residual changes with each unknown."""
+        """Form the equations at `y`; `slope` maps a change v of `y` to the change of the residual (``J v``)."""
         flat, unravel = ravel_pytree(y)
         units = jnp.eye(flat.size, dtype=flat.dtype)
-        # Unknowns as the last axis: rows of them are long enough for a processor, points and rotations are not.
+        # Unknowns are the last axis, because long rows vectorise well, unlike points and rotations.
         columns = jax.vmap(lambda unit: slope(unravel(unit)), out_axes=-1)(units)
         matrix, gradient = jnp.zeros((flat.size, flat.size), flat.dtype), jnp.zeros_like(flat)
-        # Residuals one after the other: put into one matrix first, all would be copied.
+        # Residuals are added one by one: stacking them into one matrix would copy them all.
         for part, value in zip(jax.tree.leaves(columns), jax.tree.leaves(residual), strict=True):
             rows = part.reshape(-1, flat.size)
             matrix, gradient = matrix + rows.T @ rows, gradient + value.ravel() @ rows
@@ -68,39 +68,39 @@ class NormalEquations(AbstractEquations):
         return unravel(self.matrix @ flat)
 
     def step(self, step_size: Any) -> Any:
-        """The step for a damping of one over `step_size`, by Cholesky."""
+        """The step for a damping of ``1 / step_size``, by Cholesky factorisation."""
         gradient, unravel = ravel_pytree(self.gradient)
         damped = self.matrix + jnp.eye(gradient.size, dtype=gradient.dtype) / not_zero(step_size, gradient)
         return unravel(-jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(damped, lower=True), gradient))
 
 
 def not_zero(step_size: Any, like: Array) -> Float[Array, ""]:
-    """A step size that can be divided by."""
+    """The step size, bounded from below so that it can be divided by."""
     return jnp.maximum(step_size, jnp.finfo(like.dtype).eps)
 
 
 class _State(eqx.Module):
-    """Between two steps."""
+    """Solver state between two steps."""
 
     first: Bool[Array, ""]
     trial: Any
-    """The unknowns to look at next."""
+    """Unknowns to evaluate next."""
     search: Any
     residual: Any
-    """At the unknowns that were accepted last, as are the equations."""
+    """Residual at the last accepted unknowns; the equations are taken there too."""
     equations: Any
     terminate: Bool[Array, ""]
     result: optx.RESULTS
 
 
 class NormalEquationsLM(optx.AbstractLeastSquaresSolver):
-    """Levenberg-Marquardt on normal equations; tolerances as in `optimistix.LevenbergMarquardt`, and one more."""
+    """Levenberg-Marquardt on normal equations; tolerances of `optimistix.LevenbergMarquardt`, and `ftol`."""
 
     rtol: float
     atol: float
     ftol: float = 0.0
-    """A solve ends, too, with a step that promises to lower the cost by less than this share of it. With large
-    residuals steps go on getting shorter by little for long, to no avail."""
+    """A solve also ends when the predicted decrease of the cost is a smaller share of it than this. With large residuals
+    steps shrink slowly, and many would be taken for a negligible decrease."""
     norm: Callable[[Any], Any] = optx.max_norm
     equations: type[AbstractEquations] = NormalEquations
     search: optx.ClassicalTrustRegion = eqx.field(default_factory=optx.ClassicalTrustRegion)
@@ -108,7 +108,7 @@ class NormalEquationsLM(optx.AbstractLeastSquaresSolver):
     def init(
         self, fn: Any, y: Any, args: Any, options: dict[str, Any], f_struct: Any, aux_struct: Any, tags: frozenset
     ) -> _State:
-        """Nothing is known yet: the first trial is the start itself."""
+        """Initial state: the first trial is the start itself."""
 
         def known(y: Any) -> tuple[Any, AbstractEquations]:
             residual, slope, _ = jax.linearize(lambda y: fn(y, args), y, has_aux=True)
@@ -121,12 +121,12 @@ class NormalEquationsLM(optx.AbstractLeastSquaresSolver):
     def step(
         self, fn: Any, y: Any, args: Any, options: dict[str, Any], state: _State, tags: frozenset
     ) -> tuple[Any, _State, Any]:
-        """Look at the trial, accept or reject it, and make the next one."""
+        """Evaluate the trial, accept or reject it, and compute the next one."""
         residual, slope, aux = jax.linearize(lambda y: fn(y, args), state.trial, has_aux=True)
-        # Of half the squared norm, residual by residual: the difference of two sums is but rounding near the end.
+        # Change of half the squared norm, summed over residuals: a difference of two sums would be mostly rounding error.
         change = _half_product(_difference(residual, state.residual), jax.tree.map(jnp.add, residual, state.residual))
-        # What the arithmetic cannot tell from no change at all. A step that promises no more cannot be judged: that is
-        # the end too, or solves would wander about in the rounding.
+        # Smallest change of the cost that rounding does not hide. A step that predicts less cannot be judged, so the
+        # solve ends: otherwise it would wander at random.
         nothing = jnp.finfo(change.dtype).eps * _half_product(state.residual, state.residual)
         moved = _difference(state.trial, y)
         curved = jax.tree.map(lambda g, c: 2 * g + c, state.equations.gradient, state.equations.applied(moved))
@@ -161,7 +161,7 @@ class NormalEquationsLM(optx.AbstractLeastSquaresSolver):
     def terminate(
         self, fn: Any, y: Any, args: Any, options: dict[str, Any], state: _State, tags: frozenset
     ) -> tuple[Bool[Array, ""], optx.RESULTS]:
-        """Whether the last accepted step was within the tolerances, or the last one promised too little."""
+        """Whether the last accepted step was within the tolerances, or the last trial predicted too small a decrease."""
         return state.terminate, state.result
 
     def postprocess(
@@ -175,7 +175,7 @@ class NormalEquationsLM(optx.AbstractLeastSquaresSolver):
         tags: frozenset,
         result: optx.RESULTS,
     ) -> tuple[Any, Any, dict[str, Any]]:
-        """Nothing more to do."""
+        """Return the solution unchanged."""
         return y, aux, {}
 
 
@@ -188,5 +188,5 @@ def _half_product(one: Any, other: Any) -> Float[Array, ""]:
 
 
 def default_solver() -> optx.AbstractLeastSquaresSolver:
-    """Levenberg-Marquardt to three millimetres or milliradians."""
+    """Levenberg-Marquardt for `refine_frames`, with tolerances of 3 mm or 3 mrad."""
     return NormalEquationsLM(rtol=1e-2, atol=3e-3)

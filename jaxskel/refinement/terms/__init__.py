@@ -1,7 +1,7 @@
-"""Terms of the refinement objective (Sect. 3.3): one residual a file, a few lines for one frame each.
+"""Terms of the refinement objective (Sect. 3.3), one file each; a term needs only a few lines, for one frame.
 
-A term is an `AbstractTerm`: a Module with a weight and a `residual`. What it needs to look up (closest points, say)
-it looks up in `correspond`, once before each inner solve, so that the solver sees a smooth function.
+A term is an `AbstractTerm`: a Module with a weight and a `residual`. It looks up correspondences, such as closest
+points, in `correspond`, once before each inner solve, so that the solver sees a smooth function.
 """
 
 from ._arm_collision import ArmCollision as ArmCollision

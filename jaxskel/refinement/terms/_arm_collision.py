@@ -1,4 +1,4 @@
-"""Forearms and hands do not run through head, trunk and legs."""
+"""Term that keeps forearms and hands out of head, trunk and legs."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -13,30 +13,30 @@ _FOREARM = np.array([name[2:] in ("forearm", "hand") for name in SEGMENT_NAMES])
 
 
 class Contacts(eqx.Module):
-    """What is nearest to each ball of forearms and hands, of the capsules of trunk, head and legs."""
+    """Nearest capsule of trunk, head and legs to each ball of forearms and hands."""
 
     relative: Float[Array, "forearms balls"]
-    """By these shares of all displacements a ball moves relative to what is nearest to it."""
+    """Share of each ball's displacement in the motion of a forearm ball relative to its nearest capsule."""
     normal: Float[Array, "forearms 3"]
     centres: Float[Array, "balls 3"]
     depth: Float[Array, " forearms"]
-    """By how much the ball lies too deep (m)."""
+    """Penetration of the ball beyond what is allowed (m)."""
 
 
 class ArmCollision(AbstractTerm):
-    """How deep the balls of forearms and hands lie in any capsule that belongs to no arm."""
+    """Depth by which the balls of forearms and hands penetrate any capsule that is not of an arm."""
 
     needs_graph = False
 
     body: Body
     weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
     share: Float[Array, ""] = eqx.field(converter=number, default=0.6)
-    """Share of an arm's radius that must stay outside: flesh gives way."""
+    """Share of an arm's radius that must stay outside; below one, because flesh is soft."""
     limit: Float[Array, ""] = eqx.field(converter=number, default=0.1)
     """Depth (m) beyond which the cost does not grow."""
 
     def correspond(self, body: PlacedBody, observed: Observed) -> Contacts:
-        """Nearest capsule, place and normal of each ball."""
+        """Nearest capsule, normal and depth of each ball."""
         links, radii = self.body.links, jnp.asarray(self.body.radii)
         forearms = np.flatnonzero(_FOREARM[self.body.segments]).astype(np.int32)
         links = links[~_ARM[self.body.segments][links].any(1)]
@@ -56,6 +56,6 @@ class ArmCollision(AbstractTerm):
         return jnp.maximum(fixed.depth - (fixed.normal * (fixed.relative @ moved)).sum(-1), 0.0)
 
     def cost(self, body: PlacedBody, observed: Observed) -> Float[Array, ""]:
-        """Sum of squared depths (m^2) up to the limit."""
+        """Sum of squared depths (m^2), each constant beyond `limit`."""
         depth = jnp.maximum(self.correspond(body, observed).depth, 0.0)
         return jnp.minimum(depth**2, self.limit**2).sum()

@@ -1,4 +1,4 @@
-"""What every term sees and gives: the placed body, the observed frame, the weighted objective."""
+"""Base classes of the terms: the placed body, the observed frame, the weighted objective."""
 
 from collections.abc import Iterable
 from typing import Any, ClassVar
@@ -14,53 +14,53 @@ from ...outlines import Contours, SilhouetteDistances
 
 
 class PlacedBody(eqx.Module):
-    """Skeleton of one frame in the world."""
+    """Skeleton of one frame, placed in the world."""
 
     joints: Float[Array, "joints=15 3"]
     """(m)"""
     tips: Float[Array, "tips=5 3"]
     """(m)"""
     rotations: Float[Array, "segments=17 3 3"]
-    """From the body frame at rest to the world."""
+    """Rotation of each segment from the body frame at rest to the world."""
     origins: Float[Array, "segments=17 3"]
-    """The point that each segment turns about (m)."""
+    """Pivot that each segment turns about (m)."""
 
 
 class Observed(eqx.Module):
-    """What was measured in one frame, or in each of a batch: the labelled skeletal graph, and the outlines."""
+    """Observations of one frame or of a batch: the labelled skeletal graph and the outlines, in the world (m)."""
 
     paths: Float[Array | np.ndarray, "*frames labels=5 points 3"]
-    """From the root to head, left and right hand, left and right foot, evenly spaced along the graph (m)."""
+    """Graph paths from the root to head, left and right hand, left and right foot, sampled at equal distances (m)."""
     found: Bool[Array | np.ndarray, "*frames labels=5"]
-    """Whether an end node was found for this label."""
+    """Whether an end node was found for each label."""
     neck: Float[Array | np.ndarray, "*frames 3"]
     pelvis: Float[Array | np.ndarray, "*frames 3"]
     contours: Contours | None = None
     """Viewing rays through the outlines of the silhouettes."""
     silhouettes: SilhouetteDistances | None = None
-    """Signed distance to each silhouette."""
+    """Signed distance to each silhouette (m)."""
 
     def of(self, frame: Int[Array, ""]) -> "Observed":
-        """One frame of a stack on the device, without its silhouettes being copied."""
+        """One frame of a stack on the device, without copying its silhouettes."""
         rest = eqx.tree_at(lambda o: o.silhouettes, self, None, is_leaf=lambda leaf: leaf is None)
         one = jax.tree.map(lambda a: a[frame], rest)
         found = None if self.silhouettes is None else self.silhouettes.of(frame)
         return eqx.tree_at(lambda o: o.silhouettes, one, found, is_leaf=lambda leaf: leaf is None)
 
     def thinned(self, factor: int) -> "Observed":
-        """With one outline's ray of so many."""
+        """Keep one outline ray in `factor`."""
         assert self.contours is not None
         return eqx.tree_at(lambda o: o.contours, self, self.contours.thinned(factor))
 
 
 def place(skeleton: Skeleton, pose: Pose) -> PlacedBody:
-    """Place the skeleton of one frame in the world."""
+    """Place the skeleton of one frame in the world (m)."""
     joints, tips, origins = place_segments(skeleton, pose)
     return PlacedBody(joints, tips, jnp.asarray(pose.rotations), origins)
 
 
 def number(value: Any) -> Float[Array, "..."]:
-    """Numbers of a term as an array of floats: a whole number instead would compile again."""
+    """A term's number as an array of floats: an integer would have another type and compile again."""
     array = jnp.asarray(value)
     return array if jnp.issubdtype(array.dtype, jnp.inexact) else array.astype(jnp.result_type(float))
 
@@ -69,10 +69,10 @@ class AbstractTerm(eqx.Module):
     """One residual of the objective. The weight multiplies its squared norm; to switch a term off, leave it out."""
 
     needs_graph: ClassVar[bool] = True
-    """Whether ``paths``, ``found``, ``neck`` and ``pelvis`` of ``observed`` are; if not, tracking leaves them out."""
+    """Whether the term uses ``paths``, ``found``, ``neck`` or ``pelvis`` of ``observed``; tracking omits such terms."""
 
     needs_outlines: ClassVar[bool] = False
-    """Whether ``contours`` and ``silhouettes`` of ``observed`` are looked at, which only a search makes."""
+    """Whether the term uses ``contours`` or ``silhouettes`` of ``observed``, which only a search computes."""
 
     weight: eqx.AbstractVar[Float[Array, ""]]
 
@@ -81,16 +81,16 @@ class AbstractTerm(eqx.Module):
         return None
 
     def residual(self, body: PlacedBody, observed: Observed, fixed: Any) -> Float[Array, "..."]:
-        """Unweighted residual of one frame; `fixed` is what `correspond` gave."""
+        """Unweighted residual of one frame; `fixed` is the result of `correspond`."""
         raise NotImplementedError
 
     def cost(self, body: PlacedBody, observed: Observed) -> Float[Array, ""]:
-        """What a pose costs by this term, unweighted: the squared norm of the residual, unless it has a robust form."""
+        """Unweighted cost of a pose: the squared norm of the residual, unless a term overrides it by a robust cost."""
         return (self.residual(body, observed, self.correspond(body, observed)) ** 2).sum()
 
 
 class AbstractCoupling(eqx.Module):
-    """A residual that couples a frame with the ones before and after, for `refine_sequence`."""
+    """A residual that couples a frame with the ones before and after it, for `refine_sequence`."""
 
     weight: eqx.AbstractVar[Float[Array, ""]]
 
@@ -105,16 +105,16 @@ class Objective(eqx.Module):
     terms: dict[str, AbstractTerm | AbstractCoupling]
 
     def plus(self, **terms: AbstractTerm | AbstractCoupling) -> "Objective":
-        """With more terms, or others under the same names."""
+        """The objective with more terms; a term replaces one of the same name."""
         return Objective(self.terms | terms)
 
     def without(self, *names: str) -> "Objective":
-        """Without some terms."""
+        """The objective without some terms."""
         self._check(names)
         return Objective({name: term for name, term in self.terms.items() if name not in names})
 
     def weighted(self, **weights: Any) -> "Objective":
-        """With other weights of some terms."""
+        """The objective with other weights for some terms."""
         self._check(weights)
         found = {name: number(weight) for name, weight in weights.items()}
         changed = {name: eqx.tree_at(lambda t: t.weight, self.terms[name], found[name]) for name in found}
@@ -137,12 +137,12 @@ class Objective(eqx.Module):
 
     @property
     def needs_graph(self) -> bool:
-        """Whether any of the terms looks at the labelled graph."""
+        """Whether any term uses the labelled graph."""
         return any(term.needs_graph for term in self.of_frames.values())
 
     @property
     def needs_outlines(self) -> bool:
-        """Whether any of the terms looks at the outlines of the silhouettes."""
+        """Whether any term uses the outlines of the silhouettes."""
         return any(term.needs_outlines for term in self.of_frames.values())
 
     def correspond(self, body: PlacedBody, observed: Observed) -> dict[str, PyTree]:
@@ -152,18 +152,18 @@ class Objective(eqx.Module):
     def residuals(
         self, body: PlacedBody, observed: Observed, fixed: dict[str, PyTree]
     ) -> dict[str, Float[Array, "..."]]:
-        """Weighted residuals of one frame, by name."""
+        """Weighted residuals of one frame, by name of the term."""
         return {
             name: jnp.sqrt(term.weight) * term.residual(body, observed, fixed[name])
             for name, term in self.of_frames.items()
         }
 
     def costs(self, body: PlacedBody, observed: Observed) -> dict[str, Float[Array, ""]]:
-        """Weighted cost of one frame by each term, by name."""
+        """Weighted cost of one frame, by name of the term."""
         return {name: term.weight * term.cost(body, observed) for name, term in self.of_frames.items()}
 
     def coupled(self, before: PlacedBody, bodies: PlacedBody, after: PlacedBody) -> dict[str, Float[Array, "..."]]:
-        """Weighted residuals between frames, by name; all of them have a leading frames axis."""
+        """Weighted residuals between frames, by name of the term; all arrays have a leading frames axis."""
         return {
             name: jnp.sqrt(term.weight) * jax.vmap(term.residual)(before, bodies, after)
             for name, term in self.couplings.items()

@@ -1,4 +1,4 @@
-"""The outlines of the silhouettes are outlines of the body."""
+"""Term that makes the outlines of the silhouettes outlines of the body."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -10,10 +10,10 @@ from ._quadrics import CapsuleTerm, Quadrics, make_quadrics
 
 
 class ContourContact(CapsuleTerm):
-    """Distance of each viewing ray through an outline of a silhouette to its nearest capsule of the body.
+    """Distance of each viewing ray through a silhouette's outline to the nearest capsule of the body.
 
-    Where views are few the surface of the hull is mostly not the body's, but every outline is: what no view tells
-    apart costs nothing here.
+    With few views most of the visual hull's surface is not the body's, but every outline ray touches the body. So
+    parts of the hull that no view can carve away cost nothing here.
     """
 
     needs_outlines = True
@@ -21,25 +21,25 @@ class ContourContact(CapsuleTerm):
     body: Body
     weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
     scale: Float[Array, ""] = eqx.field(converter=number, default=0.05)
-    """Distance (m) beyond which a ray counts for little (Geman-McClure)."""
+    """Distance (m) beyond which a ray has little weight (Geman-McClure)."""
     inner: Float[Array, ""] = eqx.field(converter=number, default=0.3)
-    """Weight of rays that go through the body."""
+    """Weight of rays that pass through the body, relative to those outside it."""
     limit: Float[Array, ""] = eqx.field(converter=number, default=0.06)
     """Distance (m) beyond which the cost of a ray does not grow."""
 
     def quadrics(self, body: PlacedBody, observed: Observed) -> Quadrics:
-        """Nearest capsule, tangent plane and weight of each ray, summed up by capsule."""
+        """Nearest capsule, tangent plane and weight of each ray, summed by capsule."""
         ends, near = self._nearest(body, observed)
         weight = self._weight(near)
         return make_quadrics(ends, near.capsule, near.part, near.normal, near.distance, weight)
 
     def nearest(self, body: PlacedBody, observed: Observed) -> tuple[Grazed, Float[Array, " rays"]]:
-        """The capsule that each ray comes nearest to, and the weight of its squared distance."""
+        """Nearest capsule of each ray, and the weight of its squared distance."""
         _, near = self._nearest(body, observed)
         return near, self._weight(near)
 
     def cost(self, body: PlacedBody, observed: Observed) -> Float[Array, ""]:
-        """Squared distances (m^2) up to the limit, as a mean over the rays."""
+        """Squared distances (m^2), constant beyond `limit`, as a mean over the rays."""
         distance = self._nearest(body, observed)[1].distance
         return (jnp.where(distance < 0, self.inner, 1.0) * jnp.minimum(distance**2, self.limit**2)).mean()
 

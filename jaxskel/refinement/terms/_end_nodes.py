@@ -1,4 +1,4 @@
-"""Limb tips are drawn to the labelled end nodes of the graph."""
+"""Term that attracts limb tips to the labelled end nodes of the graph (Sect. 3.2)."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -11,14 +11,14 @@ from ._base import AbstractTerm, Observed, PlacedBody, number
 
 
 class EndNodeAttraction(AbstractTerm):
-    """Head top, fingertips and toe tips minus their end nodes; a limb without an end node is left free."""
+    """Head top, fingertips and toe tips minus their end nodes; zero for a limb without an end node."""
 
     weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
     reach: Float[Array, ""] = eqx.field(converter=number, default=END_NODE_REACH)
-    """Where between joint (0) and tip (1) the end node lies."""
+    """Position of the end node between joint (0) and tip (1)."""
 
     def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "tips=5 3"]:
-        """Distances of the last bones' ends and the end nodes (m)."""
+        """Differences between points on the last bones and the end nodes (m)."""
         joints = body.joints[np.array(TIP_PARENTS)]
         ends = joints + self.reach * (body.tips - joints)
         return jnp.where(observed.found[:, None], ends - observed.paths[:, -1], 0.0)

@@ -1,4 +1,4 @@
-"""Any function as a term: what a notebook writes in three lines takes part in the solve."""
+"""Terms made of plain functions, for use in notebooks."""
 
 import dis
 from collections.abc import Callable, Iterator
@@ -15,9 +15,9 @@ from ._base import AbstractTerm, Observed, PlacedBody, number
 
 
 class Code:
-    """A function that equals another with the same code: a notebook's cell run again does not compile again.
+    """A function that equals another with the same code, so that re-running a notebook cell does not compile again.
 
-    What the code takes from around it counts too, so none of that may be an array.
+    The outer variables that the code uses are compared too, so none of them may be an array.
     """
 
     def __init__(self, function: FunctionType):
@@ -43,26 +43,26 @@ class Code:
 
 
 class FunctionTerm(AbstractTerm):
-    """A function of the placed body, what was observed, and parameters. See [`from_function`][]."""
+    """A function of the placed body, the observations, and parameters. See [`from_function`][]."""
 
     function: Code = eqx.field(static=True)
     parameters: tuple[PyTree, ...]
     weight: Float[Array, ""] = eqx.field(converter=number)
     looks_at: tuple[bool, bool] = eqx.field(static=True, default=(False, False))
-    """At the labelled graph, at the outlines."""
+    """Whether the function uses the labelled graph, and whether it uses the outlines."""
 
     @property
     def needs_graph(self) -> bool:
-        """Whether it looks at the labelled graph."""
+        """Whether the function uses the labelled graph."""
         return self.looks_at[0]
 
     @property
     def needs_outlines(self) -> bool:
-        """Whether it looks at the outlines of the silhouettes."""
+        """Whether the function uses the outlines of the silhouettes."""
         return self.looks_at[1]
 
     def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "..."]:
-        """What the function gives."""
+        """The value of the function."""
         return jnp.asarray(self.function(body, observed, *self.parameters))
 
 
@@ -76,15 +76,15 @@ def from_function(
     """Make a term of a function ``residual(body, observed, *parameters)`` of one frame.
 
     Args:
-        function: Gives residuals of any shape, of which the squared norm is minimised.
-        *parameters: Numbers, arrays, or trees of them. Other values do not compile again, and gradients reach them.
-        weight: Of the squared norm.
-        needs_graph: The function looks at the labelled graph: ``paths``, ``found``, ``neck``, ``pelvis``.
-        needs_outlines: It looks at ``observed.contours`` or ``observed.silhouettes``.
+        function: Returns residuals of any shape, whose squared norm is minimised; positions are in metres, in the world.
+        *parameters: Numbers, arrays, or trees of them. New values do not compile again, and gradients reach them.
+        weight: Weight of the squared norm.
+        needs_graph: The function uses the labelled graph: ``paths``, ``found``, ``neck``, ``pelvis``.
+        needs_outlines: The function uses ``observed.contours`` or ``observed.silhouettes``.
 
     Raises:
-        ValueError: It is no plain function, or it uses an array from around it, which a solver that is compiled once
-            would never see change.
+        ValueError: It is no plain function, or it uses an outer array: the solver is compiled once and would not
+            notice that the array has changed.
     """
     if not isinstance(function, FunctionType):
         raise ValueError(f"{function!r} is no plain function; write one, or a Module derived from AbstractTerm")
@@ -94,7 +94,7 @@ def from_function(
 
 def _surroundings(function: FunctionType) -> Iterator[tuple[str, type, Any]]:
     """Names, types and values of the outer variables that a function uses."""
-    # Types, because 1, 1.0 and True are equal but compile differently.
+    # Types are compared too, because 1, 1.0 and True are equal but compile differently.
     for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):
         yield name, type(cell.cell_contents), _constant(function, name, cell.cell_contents)
     for name in sorted(_global_names(function.__code__)):

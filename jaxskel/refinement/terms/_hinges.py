@@ -1,4 +1,4 @@
-"""Knees and elbows bend one way, and only so far."""
+"""Term for the limits of knees and elbows: one direction of flexion, within a range."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -16,14 +16,14 @@ _UPPER_JOINT, _HINGE_JOINT = (np.array(a, np.int32) for a in ((3, 6, 9, 12), (4,
 
 
 class HingeLimits(AbstractTerm):
-    """Flexion of elbows and knees stays between limits, and they do not bend to the side."""
+    """Flexion of elbows and knees stays within limits, and they do not bend sideways."""
 
     needs_graph = False
 
     skeleton: Skeleton
     weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
     straight: Float[Array, ""] = eqx.field(converter=number, default=0.05)
-    """Least flexion (rad)."""
+    """Smallest flexion (rad)."""
     folded: Float[Array, ""] = eqx.field(converter=number, default=2.5)
     """Largest flexion (rad)."""
 
@@ -34,7 +34,7 @@ class HingeLimits(AbstractTerm):
         upper = rest[_HINGE_JOINT] - rest[_UPPER_JOINT]
         lower = jnp.asarray(self.skeleton.pivots) - rest[_HINGE_JOINT]
         axis = jnp.asarray(hinge_axes(self.skeleton))
-        # Written out: the compiler is slow at many small products, of which a solver's tangents make more.
+        # Written out: the compiler is slow at many small products, and a solver's tangents multiply their number.
         bone = lower / jnp.linalg.norm(lower, axis=-1, keepdims=True)
         lower_turn, upper_turn = body.rotations[_LOWER], body.rotations[_UPPER]
         bone = sum((lower_turn[:, :, k] * bone[:, k, None] for k in range(3)), jnp.zeros(()))
@@ -44,6 +44,6 @@ class HingeLimits(AbstractTerm):
         flexion = jnp.arctan2((bone * forward).sum(-1), (bone * along).sum(-1))
         flexion = jnp.where(flexion < -np.pi / 2, flexion + 2 * np.pi, flexion)  # folded beyond 180 degrees
         beyond = jnp.maximum(self.straight - flexion, 0.0) + jnp.maximum(flexion - self.folded, 0.0)
-        # What bends to the side already at rest may do so.
+        # The sideways bend of the rest pose is allowed.
         side = (bone * axis).sum(-1) - (lower / jnp.linalg.norm(lower, axis=-1, keepdims=True) * axis).sum(-1)
         return jnp.stack([beyond, side / 3], -1)

@@ -1,4 +1,4 @@
-"""Neck and pelvis are drawn to the inner nodes of the graph (Eq. 6)."""
+"""Term that attracts neck and pelvis to the inner nodes v_neck, v_pelvis of the graph (Eq. 6)."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -8,10 +8,10 @@ from ._base import AbstractTerm, Observed, PlacedBody, number
 
 
 class InnerNodeAttraction(AbstractTerm):
-    """Pelvis and neck minus their nodes in the graph."""
+    """Pelvis and neck minus their nodes in the graph (Eq. 6)."""
 
     weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
 
     def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "2 3"]:
-        """Distances of joints and nodes (m)."""
+        """Differences between joints and nodes (m)."""
         return body.joints[:2] - jnp.stack([observed.pelvis, observed.neck])

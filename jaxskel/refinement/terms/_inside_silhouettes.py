@@ -1,4 +1,4 @@
-"""The body lies inside the silhouettes."""
+"""Term that keeps the body inside the silhouettes."""
 
 import equinox as eqx
 import jax
@@ -11,15 +11,16 @@ from ...outlines import SilhouetteDistances
 from ._base import Observed, PlacedBody, number
 from ._quadrics import PAIRS, CapsuleTerm, Quadrics, quadrics_of_samples
 
-# Where along each capsule's axis.
+# Positions of the sample points along each capsule's axis.
 _PLACES = np.array([1 / 6, 1 / 2, 5 / 6], np.float32)
 
 
 class InsideSilhouettes(CapsuleTerm):
-    """How far points on the axes of the capsules come closer to a silhouette's outline than most of their radius.
+    """Depths by which points on the capsules' axes come closer to an outline than `share` of their radius.
 
-    At each point the view that objects most decides; where views may err, as many are passed over as may. Besides,
-    each view has a small say of its own that a hole in its mask soon exhausts: several together are hardly wrong.
+    At each point the view with the largest depth counts; if up to ``misses`` views may be wrong, that many of the
+    largest depths are ignored. In addition each single view has a small weight, with a cost that saturates early, so
+    that a hole in one mask adds little, but several views that agree add much.
     """
 
     needs_outlines = True
@@ -27,21 +28,21 @@ class InsideSilhouettes(CapsuleTerm):
     body: Body
     weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
     share: Float[Array, ""] = eqx.field(converter=number, default=0.7)
-    """Share of the radius that must be inside: clothes and poor masks take some of it."""
+    """Share of the radius that must be inside; below one, because clothes and poor masks take some of it."""
     scale: Float[Array, ""] = eqx.field(converter=number, default=0.06)
-    """Depth (m) beyond which a point that sticks out counts for little, and its cost does not grow."""
+    """Depth (m) beyond which a point has little weight and its cost does not grow."""
     single: Float[Array, ""] = eqx.field(converter=number, default=0.3)
-    """Weight of each single view, relative to that of the one that decides."""
+    """Weight of each single view, relative to that of the view with the largest depth."""
     single_scale: Float[Array, ""] = eqx.field(converter=number, default=0.03)
-    """`scale` for single views."""
+    """Depth (m) beyond which the cost of a single view does not grow."""
 
     def quadrics(self, body: PlacedBody, observed: Observed) -> Quadrics:
-        """Depths by which the points stick out, linearised and summed up by capsule."""
+        """Depths of the sample points, linearised and summed by capsule."""
         ends = self.ends(body)
         points = self._points(ends)
         out, gradients, weight = self.depths(points, self._radius, observed)
 
-        # View by view: the compiler is eight times faster at it than at sums over the axis of views.
+        # A loop over views: the compiled code is eight times faster than sums over the axis of views.
         def added(view: Array, sums: Float[Array, "10 points"]) -> Float[Array, "10 points"]:
             share, far, normal = weight[view], out[view], [gradient[view] for gradient in gradients]
             pairs = [share * normal[i] * normal[j] for i, j in PAIRS]
@@ -53,14 +54,14 @@ class InsideSilhouettes(CapsuleTerm):
     def points(
         self, body: PlacedBody
     ) -> tuple[Float[Array, "points 3"], Float[Array, " points"], Float[Array, " points"]]:
-        """The points on the axes (m), the radii there (m), and where along the axes (0..1): capsule by capsule."""
+        """Sample points on the axes (m), radii there (m), and positions along the axes (0..1), in order of capsules."""
         ends = self.ends(body)
         return self._points(ends), self._radius, jnp.tile(jnp.asarray(_PLACES), len(ends))
 
     def depths(
         self, points: Float[Array, "points 3"], radii: Float[Array, " points"], observed: Observed
     ) -> tuple[Float[Array, "cams points"], tuple[Float[Array, "cams points"], ...], Float[Array, "cams points"]]:
-        """By how much balls of some radii stick out in each view (m), the gradient by their centres, and the weight."""
+        """Depth of balls in each view (m, positive outside), its gradient by their centres, and its weight."""
         silhouettes = _silhouettes(observed)
         away, gradients = silhouettes.with_gradient(points)
         out = away + self.share * radii[None]
@@ -70,7 +71,7 @@ class InsideSilhouettes(CapsuleTerm):
         return out, gradients, jnp.where(out > 0, weight, 0.0) / len(points)
 
     def cost(self, body: PlacedBody, observed: Observed) -> Float[Array, ""]:
-        """Squared depths (m^2) up to the scales, as a mean over the points."""
+        """Robust squared depths (m^2), as a mean over the points."""
         silhouettes = _silhouettes(observed)
         away = silhouettes.at(self._points(self.ends(body)))
         return self.costs(away, self._radius, jnp.asarray(silhouettes.misses)).mean()
@@ -78,7 +79,7 @@ class InsideSilhouettes(CapsuleTerm):
     def costs(
         self, away: Float[Array, "cams points"], radii: Float[Array, " points"], misses: Int[Array, ""]
     ) -> Float[Array, " points"]:
-        """What balls of some radii cost by themselves (m^2), at distances `away` (m) from the silhouettes."""
+        """Robust cost (m^2) of each ball of radius `radii` (m) at signed distance `away` (m) from the silhouettes."""
         out = away + self.share * radii[None]
         decides = jnp.maximum(_heard(out, misses).max(0), 0.0)
         singles = jnp.clip(out, 0.0, self.single_scale) ** 2
@@ -99,10 +100,10 @@ def _silhouettes(observed: Observed) -> SilhouetteDistances:
 
 
 def _heard(out: Float[Array, "cams points"], misses: Int[Array, ""]) -> Float[Array, "cams points"]:
-    """Depths (m) without those of the views that object most, as many as may err: these are minus infinity."""
+    """Depths (m) with the `misses` largest of each point set to minus infinity."""
 
     def passed_over(_: Array, out: Array) -> Array:
         return jnp.where(out >= out.max(0)[None], -jnp.inf, out)
 
-    # Looked up by value: an argmax takes far longer than a maximum, and two views hardly ever agree to the last bit.
+    # Found by value: an argmax takes far longer than a maximum, and two views are hardly ever exactly equal.
     return jax.lax.fori_loop(0, misses, passed_over, jax.lax.stop_gradient(out))

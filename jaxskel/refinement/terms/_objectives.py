@@ -1,4 +1,4 @@
-"""The objectives that the presets minimise."""
+"""The objectives that the presets minimise: the paper's, and one for a body with volume."""
 
 from ...body import LINKS, Body
 from ._arm_collision import ArmCollision
@@ -13,10 +13,10 @@ from ._rest_prior import RestPrior, firmness
 
 
 def paper_objective() -> Objective:
-    """The paper's objective (Sect. 3.3): bones drawn to the graph and its labelled nodes, bone lengths kept.
+    """The paper's objective (Sect. 3.3): bones are attracted to the graph and its labelled nodes; bone lengths are kept.
 
-    Weights are chosen for residuals of decimetres (100 per square metre), so that the cost of a good frame is near
-    one: the damping of Optimistix' Levenberg-Marquardt is absolute.
+    A weight of 100 per square metre makes a residual of 0.1 m cost one, so that a good frame costs about one. This
+    scale matters, because the damping of Optimistix' Levenberg-Marquardt is absolute.
     """
     return Objective(
         {
@@ -29,11 +29,11 @@ def paper_objective() -> Objective:
 
 
 def volume_objective(body: Body) -> Objective:
-    """Fit a body with volume to the silhouettes: it touches their outlines, stays inside, and bends as limbs can.
+    """Fit a body with volume to the silhouettes: it touches their outlines, stays inside, and respects hinge limits.
 
-    Needs ``observed.contours`` and ``observed.silhouettes``; uses no labels of the graph, so it needs a pose to start
-    from in which each limb is nearer to its own part of the outlines than to another. Weights as in `paper_objective`:
-    the cost of a well explained frame is of the order of ten. A capsule counts the same in a body that lacks others.
+    Needs ``observed.contours`` and ``observed.silhouettes`` but no labels of the graph, so each limb of the start pose
+    must be nearer to its own part of the outlines than to another. Weights are scaled so that a well explained frame
+    costs about ten. A capsule has the same weight in a body that lacks others.
     """
     share = len(body.links) / len(LINKS)
     return Objective(

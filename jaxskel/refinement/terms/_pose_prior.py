@@ -1,4 +1,4 @@
-"""Poses like those seen before: each segment turns against its parent about as it usually does."""
+"""Prior from example poses: each segment's rotation relative to its parent stays near the examples' mean."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -9,35 +9,35 @@ from ...body import SEGMENT_PARENTS, Pose
 from ._base import AbstractTerm, Observed, PlacedBody, number
 
 _PARENTS = np.array(SEGMENT_PARENTS, np.int32)[1:]
-# Of a segment that never turned in the poses given (rad): held firmly, but not without end.
+# Lower bound of a segment's spread (rad), for segments that never turn in the examples.
 _LEAST_SPREAD = 0.05
 
 
 class PosePrior(AbstractTerm):
-    """Relative rotation of each segment minus its usual one, by how much it usually varies. See [`pose_prior`][]."""
+    """Relative rotation of each segment minus its mean, divided by its spread. See [`pose_prior`][]."""
 
     needs_graph = False
 
     usual: Float[Array, "segments=16 3 3"]
-    """Rotation of each segment but the pelvis relative to the one it hangs on."""
+    """Mean rotation of each segment but the pelvis, relative to its parent segment."""
     spread: Float[Array, " segments=16"]
-    """How far it usually is from there (rad, root mean square)."""
+    """Deviation from the mean (rad, root mean square)."""
     weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
 
     def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "segments=16 3 3"]:
-        """Half the difference of the rotation matrices over the spread: its norm is near angle / (sqrt(2) spread)."""
+        """Half the difference of the rotation matrices over the spread; its norm is about angle / (sqrt(2) spread)."""
         relative = jnp.einsum("ski,skj->sij", body.rotations[_PARENTS], body.rotations[1:])
         return (relative - self.usual) / (2 * self.spread[:, None, None])
 
 
 def pose_prior(poses: Pose, weight: float = 1.0) -> PosePrior:
-    """The prior that some poses of people make, such as a few good frames of the same recording.
+    """Make the prior from example poses, such as a few good frames of the same recording.
 
     Args:
         poses: With a leading axis ``frames``.
-        weight: Of the term.
+        weight: Weight of the term.
     """
-    from scipy.spatial.transform import Rotation  # takes a third of a second to import, and is needed here only
+    from scipy.spatial.transform import Rotation  # imported here, because it takes a third of a second and is needed here only
 
     rotations = np.asarray(poses.rotations, np.float64)
     relative = rotations[:, _PARENTS].swapaxes(-1, -2) @ rotations[:, 1:]

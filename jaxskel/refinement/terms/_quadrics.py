@@ -1,4 +1,4 @@
-"""Squared distances between capsules and whatever they should touch, summed up to one quadric for each capsule."""
+"""Squared distances between capsules and their target points, summed to one quadratic form for each capsule."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -9,41 +9,40 @@ from ...body import Body, capsule_ends
 from ._base import AbstractTerm, Observed, PlacedBody
 
 PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-"""Components of which a symmetric matrix is made."""
+"""Index pairs of the six components of a symmetric 3 x 3 matrix."""
 _SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]], np.int32)
 
 
 class Quadrics(eqx.Module):
-    """Weighted squared distances, linearised in the ends of the capsules: all that a step of Gauss-Newton can know.
+    """Weighted squared distances, linearised in the ends of the capsules, as needed for a Gauss-Newton step.
 
-    However many points there are, moving the ends of a capsule by d changes what its points cost by
-    d . matrix d - 2 vector . d.
+    Whatever the number of points, a displacement d of a capsule's ends changes their cost by d . matrix d - 2 vector . d.
     """
 
     ends: Float[Array, "capsules 6"]
-    """Where the capsules' two ends were (m)."""
+    """Ends of the capsules at the linearisation (m)."""
     matrix: Float[Array, "capsules 6 6"]
     vector: Float[Array, "capsules 6"]
     squared: Float[Array, ""]
-    """Weighted sum of the squared distances before (m^2)."""
+    """Weighted sum of the squared distances at the linearisation (m^2)."""
 
     def rows(self) -> "QuadricRows":
-        """As rows of a least squares problem."""
-        # A capsule's twist, and what no point lies on, are seen by nothing.
+        """Write the quadratic forms as rows of a least squares problem."""
+        # The 1e-6 makes matrices definite: no point constrains a capsule's twist, nor a capsule without points.
         lower, goal = _factored(self.matrix + 1e-6 * jnp.eye(6)[None], self.vector)
         left = jnp.maximum(self.squared - (goal**2).sum(), 0.0)
         return QuadricRows(self.ends, lower.swapaxes(1, 2), goal, jnp.sqrt(left + 1e-12))
 
 
 class QuadricRows(eqx.Module):
-    """The same as six rows for each capsule."""
+    """The quadratic forms of `Quadrics` as six rows for each capsule."""
 
     ends: Float[Array, "capsules 6"]
-    """Where the capsules' two ends were (m)."""
+    """Ends of the capsules at the linearisation (m)."""
     rows: Float[Array, "capsules 6 6"]
     goal: Float[Array, "capsules 6"]
     left: Float[Array, ""]
-    """Root of what no displacement of the ends can take away (m)."""
+    """Root of the cost that remains at the best displacement of the ends (m)."""
 
     def residual(self, ends: Float[Array, "capsules 2 3"]) -> Float[Array, " rows"]:
         """Residual (m) at other ends; its squared norm is the weighted sum of the squared distances."""
@@ -52,9 +51,9 @@ class QuadricRows(eqx.Module):
 
 
 class CapsuleTerm(AbstractTerm):
-    """A term that draws the capsules of a body to what they should touch, or pushes them out of where they may not be.
+    """A term that attracts the capsules of a body to target points, or repels them.
 
-    It says so by `quadrics`; residuals follow from them, and so does a step of Gauss-Newton, with less work.
+    A subclass defines `quadrics`. Residuals follow from them; a Gauss-Newton step uses them directly, at less cost.
     """
 
     needs_graph = False
@@ -62,11 +61,11 @@ class CapsuleTerm(AbstractTerm):
     body: eqx.AbstractVar[Body]
 
     def quadrics(self, body: PlacedBody, observed: Observed) -> Quadrics:
-        """Distances at a pose, linearised and summed up by capsule."""
+        """Distances at a pose (m), linearised and summed by capsule."""
         raise NotImplementedError
 
     def ends(self, body: PlacedBody) -> Float[Array, "capsules 2 3"]:
-        """Both ends of each capsule (m)."""
+        """Both ends of each capsule (m, in the world)."""
         return jnp.asarray(capsule_ends(self.body, body.origins, body.rotations))
 
     def correspond(self, body: PlacedBody, observed: Observed) -> QuadricRows:
@@ -86,22 +85,22 @@ def make_quadrics(
     distance: Float[Array, " points"],
     weight: Float[Array, " points"],
 ) -> Quadrics:
-    """Sum up by capsule.
+    """Sum the linearised squared distances by capsule.
 
     Args:
-        ends: Of the capsules (m).
-        which: The capsule of each point.
-        part: Where along its axis (0..1).
+        ends: Ends of the capsules (m).
+        which: Capsule of each point.
+        part: Position along the capsule's axis (0..1).
         normal: Unit vector from there to the point: moving the ends by (a, b) shortens the distance by
             (1 - part) normal . a + part normal . b.
         distance: Signed distance from the capsule's surface (m).
-        weight: Of the squared distance.
+        weight: Weight of the squared distance.
     """
     shares = jnp.stack([1 - part, part], -1)
     normals = (shares[:, :, None] * normal[:, None]).reshape(-1, 6)
     weighted = weight[:, None] * normals
 
-    # Rows added one by one: a product with a matrix of ones and zeros takes twice as long.
+    # Rows are added by index: a product with a matrix of ones and zeros takes twice as long.
     def added(rows: Float[Array, "points ..."]) -> Float[Array, "capsules ..."]:
         return jnp.zeros((len(ends), *rows.shape[1:]), rows.dtype).at[which].add(rows, mode="promise_in_bounds")
 
@@ -117,11 +116,11 @@ def quadrics_of_samples(
     vector: Float[Array, "3 samples"],
     squared: Float[Array, ""],
 ) -> Quadrics:
-    """Sum up samples at the same places along each capsule, of which each has a quadric of its own.
+    """Sum the quadratic forms of samples that lie at the same positions along each capsule.
 
     Args:
-        ends: Of the capsules (m).
-        part: Where along each axis (0..1); samples go capsule by capsule, place by place.
+        ends: Ends of the capsules (m).
+        part: Positions along each axis (0..1); samples are ordered by capsule, then by position.
         pairs: Weighted products of the normal's components with each other, in the order of `PAIRS`.
         vector: Weighted products of the distance (m) with the normal, which points from the capsule to the goal.
         squared: Weighted sum of the squared distances (m^2).
@@ -136,8 +135,8 @@ def _factored(
 ) -> tuple[Float[Array, "capsules 6 6"], Float[Array, "capsules 6"]]:
     """Cholesky factors L of the matrices, and L^-1 times the vectors.
 
-    Column by column for all capsules at once: LAPACK, called for each by itself, takes as long as half the search for
-    the nearest capsules.
+    Column by column for all capsules at once: LAPACK, called for each matrix separately, takes as long as half the
+    search for the nearest capsules.
     """
     rest, columns = jnp.concatenate([matrix, vector[:, None]], 1), []
     for size in range(6, 0, -1):
@@ -157,7 +156,7 @@ def _linear(part: Float[Array, " n"]) -> Float[Array, "2 n"]:
 
 
 def _spread(numbers: Float[Array, "k n"], shares: Float[Array, "s n"]) -> Float[Array, "s*k n"]:
-    """Each number to the capsule's ends by their shares."""
+    """Distribute each sample's numbers over the two ends of its capsule."""
     return (shares[:, None] * numbers[None]).reshape(-1, numbers.shape[1])
 
 

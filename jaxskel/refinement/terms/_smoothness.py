@@ -1,4 +1,4 @@
-"""Joints do not jump from frame to frame."""
+"""Term for smooth motion: penalises accelerations of the joints."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -8,15 +8,15 @@ from ._base import AbstractCoupling, PlacedBody, number
 
 
 class Smoothness(AbstractCoupling):
-    """Acceleration of joints and tips from one frame to the next two. For `refine_sequence`."""
+    """Acceleration of joints and tips, from three consecutive frames. For `refine_sequence`."""
 
     fps: Float[Array, ""] = eqx.field(converter=number)
     """Frames per second."""
     weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
     scale: Float[Array, ""] = eqx.field(converter=number, default=10.0)
-    """Acceleration (m/s^2) that costs one: by default about that of free fall, which a limb seldom exceeds for long."""
+    """Acceleration (m/s^2) of unit cost: by default about that of free fall, which a limb seldom exceeds for long."""
 
     def residual(self, before: PlacedBody, body: PlacedBody, after: PlacedBody) -> Float[Array, "points=20 3"]:
-        """Accelerations over the scale."""
+        """Accelerations divided by the scale."""
         first, middle, last = (jnp.concatenate([each.joints, each.tips]) for each in (before, body, after))
         return (first - 2 * middle + last) * self.fps**2 / self.scale

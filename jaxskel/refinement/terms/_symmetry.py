@@ -1,4 +1,4 @@
-"""Left and right bones are equally long, where a parametrisation leaves lengths free."""
+"""Term for equal left and right bone lengths, for parametrisations with free lengths."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -14,14 +14,14 @@ _PARENTS = np.array(JOINT_PARENTS, np.int32)
 
 
 class Symmetry(AbstractTerm):
-    """Length of each left bone minus that of the right one; says nothing where lengths are exact."""
+    """Length of each left bone minus that of the right one; constant where a parametrisation fixes the lengths."""
 
     needs_graph = False
 
     weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
 
     def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "pairs=6"]:
-        """Differences (m)."""
+        """Differences of length (m)."""
 
         def lengths(ends: np.ndarray) -> Float[Array, "pairs=6"]:
             return jnp.sqrt(((body.joints[ends] - body.joints[_PARENTS[ends]]) ** 2).sum(-1))

@@ -1,0 +1,146 @@
+"""The laws of the house: data flows one way, rooms meet at their faces, and no file or room is too large."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+HOUSE = Path(__file__).parents[1] / "jaxskel"
+TESTS = Path(__file__).parent
+FILES = sorted(HOUSE.rglob("*.py"))
+ROOMS = sorted({path.parent for path in FILES} - {HOUSE})
+# Rooms without a face: what is in them is for all, file by file.
+OPEN = ("jaxskel._math", "jaxskel._runtime")
+MOST_LINES = 300
+
+
+def name_of(path: Path) -> str:
+    return ".".join(("jaxskel", *path.relative_to(HOUSE).with_suffix("").parts)).removesuffix(".__init__")
+
+
+def room_of(path: Path) -> str:
+    return ".".join(("jaxskel", *path.parent.relative_to(HOUSE).parts))
+
+
+MODULES = {name_of(path): path for path in FILES}
+
+
+def imports_of(path: Path) -> list[tuple[str, str]]:
+    """Module and name of everything of the package that a file imports, also inside functions."""
+    found, package = [], room_of(path).split(".")
+    for node in ast.walk(ast.parse(path.read_bytes())):
+        if isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else []
+            module = ".".join([*base, *(node.module or "").split(".")]).strip(".")
+            if module.partition(".")[0] == "jaxskel":
+                found += [(module, alias.name) for alias in node.names]
+    return found
+
+
+def target_of(module: str, name: str) -> str:
+    """The module that an import loads: a name may be a module itself."""
+    return f"{module}.{name}" if f"{module}.{name}" in MODULES else module
+
+
+def test_every_import_is_found():
+    assert [(path, each) for path in FILES for each in imports_of(path) if each[0] not in MODULES] == []
+
+
+def test_a_room_imports_another_by_its_face_only():
+    wrong = []
+    for path in FILES:
+        for module, name in imports_of(path):
+            target = target_of(module, name)
+            there = target if MODULES[target].name == "__init__.py" else target.rpartition(".")[0]
+            if there == room_of(path) or target.startswith(OPEN):
+                continue
+            private = [part for part in (*target.split("."), name) if part.startswith("_") and part != "__version__"]
+            # A face imports what is in its own rooms.
+            if private and not (path.name == "__init__.py" and there.startswith(room_of(path) + ".")):
+                wrong.append(f"{path.relative_to(HOUSE)}: {module}.{name}")
+    assert wrong == []
+
+
+def test_rooms_import_each_other_in_one_direction():
+    arrows: dict[str, set[str]] = {}
+    for path in FILES:
+        if path.name == "__init__.py":
+            continue
+        for module, name in imports_of(path):
+            target = target_of(module, name)
+            there = target if MODULES[target].name == "__init__.py" else target.rpartition(".")[0]
+            if there not in (room_of(path), "jaxskel"):
+                arrows.setdefault(room_of(path), set()).add(there)
+    done: set[str] = set()
+
+    def walk(room: str, way: tuple[str, ...]) -> None:
+        assert room not in way, f"a circle: {' -> '.join((*way[way.index(room) :], room))}"
+        if room not in done:
+            for other in sorted(arrows.get(room, ())):
+                walk(other, (*way, room))
+            done.add(room)
+
+    for room in sorted(arrows):
+        walk(room, ())
+    assert len(done) > 20
+
+
+def test_files_of_a_room_import_each_other_in_one_direction():
+    arrows = {
+        name: {target_of(*each) for each in imports_of(path)} - {name}
+        for name, path in MODULES.items()
+        if path.name != "__init__.py"
+    }
+    done: set[str] = set()
+
+    def walk(module: str, way: tuple[str, ...]) -> None:
+        assert module not in way, f"a circle: {' -> '.join((*way[way.index(module) :], module))}"
+        if module not in done:
+            for other in sorted(arrows.get(module, ())):
+                walk(other, (*way, module))
+            done.add(module)
+
+    for module in sorted(arrows):
+        walk(module, ())
+
+
+@pytest.mark.parametrize("room", ROOMS, ids=room_of)
+def test_a_face_says_what_it_is(room):
+    face = room / "__init__.py"
+    if not face.exists() or name_of(face) in OPEN:
+        return
+    documentation = ast.get_docstring(ast.parse(face.read_bytes())) or ""
+    assert documentation.partition("\n")[0].endswith((".", "?", "`"))
+    # A face holds names, not code.
+    body = ast.parse(face.read_bytes()).body[1:]
+    assert all(isinstance(node, ast.Import | ast.ImportFrom) for node in body)
+
+
+def test_no_file_and_no_room_is_too_large():
+    lines = {path: path.read_bytes().count(b"\n") for path in [*FILES, *TESTS.rglob("*.py")]}
+    assert {str(path): count for path, count in lines.items() if count > MOST_LINES} == {}
+    total = sum(lines[path] for path in FILES)
+    rooms = {room_of(room / "x"): sum(lines[path] for path in FILES if path.parent == room) for room in ROOMS}
+    assert {room: count for room, count in rooms.items() if count > total / 4} == {}
+
+
+def test_tests_mirror_the_rooms():
+    rooms = {path.name for path in HOUSE.iterdir() if path.is_dir() and path.name != "__pycache__"}
+    folders = {path.parent.name for path in TESTS.glob("*/*.py")}
+    assert folders - rooms == {"support", "benchmarks", "docs"}
+    # The recording is tested by what reads and writes it.
+    assert rooms - folders <= {"recording"}
+
+
+def test_about_forty_names_at_the_top():
+    names = [name for module, name in imports_of(HOUSE / "__init__.py") if target_of(module, name) == module]
+    assert 30 <= len(names) <= 50
+
+
+@pytest.mark.parametrize("module", ["jaxskel", "jaxskel.visualization.report"])
+def test_what_draws_is_loaded_only_where_something_is_drawn(module):
+    code = f"import {module}, sys; print([name for name in ('matplotlib', 'rerun', 'typer') if name in sys.modules])"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert loaded.stdout.strip() == "[]"
