@@ -1,1 +1,1 @@
-"""Mathematics without people: rotations, connected components."""
+"""Mathematics that is not specific to bodies: rotations, connected components."""

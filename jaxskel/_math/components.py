@@ -1,4 +1,4 @@
-"""What pairs connect, and where each component comes first."""
+"""Connected components of a graph given by pairs, and the first member of each."""
 
 import numpy as np
 from jaxtyping import Int
@@ -7,11 +7,11 @@ from jaxtyping import Int
 def connected(
     one: Int[np.ndarray, " pairs"], other: Int[np.ndarray, " pairs"], count: int
 ) -> Int[np.ndarray, " count"]:
-    """Label what pairs of numbers below `count` connect, from 0.
+    """Label the connected components of the numbers below `count` that `one` and `other` pair, from 0.
 
-    Each number points to a larger one that it is paired with, then to where that one points, and so on to a largest;
-    the pairs whose ends arrive at different ones are gone through again. For many small components this takes a tenth
-    of the time of SciPy's search along a matrix.
+    Each number points to a larger one that it is paired with; pointers are followed to the largest, and pairs whose
+    ends reach different ones are processed again. For many small components this takes a tenth of the time of SciPy's
+    graph search.
     """
     root = np.arange(count)
     while len(one):
@@ -29,7 +29,7 @@ def connected(
 
 
 def first_mentions(labels: Int[np.ndarray, " n"], count: int) -> Int[np.ndarray, " count"]:
-    """Where each of `count` labels, all of which are there, comes first."""
+    """Index of the first occurrence of each of `count` labels, all of which must occur."""
     first = np.empty(count, np.int64)
-    first[labels[::-1]] = np.arange(len(labels))[::-1]  # of what is written to one place, the last one stays
+    first[labels[::-1]] = np.arange(len(labels))[::-1]  # of several values written to one place, the last one stays
     return first

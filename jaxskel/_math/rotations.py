@@ -1,4 +1,4 @@
-"""Rotations as matrices: the exponential map for the solver, alignment of directions for initial poses."""
+"""Rotation matrices: the exponential map for the solver, alignment of directions for initial poses."""
 
 from collections.abc import Callable
 from functools import partial
@@ -10,7 +10,7 @@ import numpy as np
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
-# Below this square of an angle (rad^2) series are used.
+# Below this squared angle (rad^2), power series replace the closed forms, which divide by the angle.
 _SERIES = 1e-8
 
 
@@ -18,10 +18,10 @@ _SERIES = 1e-8
 def turned(
     vector: Float[Array, "*batch 3"], rotation: Float[Array | np.ndarray, "*batch 3 3"]
 ) -> Float[Array, "*batch 3 3"]:
-    """A rotation turned further about `vector` by its length (rad): Rodrigues' formula, smooth at zero.
+    """A rotation followed by one about `vector` by its length (rad): Rodrigues' formula, smooth at zero.
 
-    What changes with the vector is an angular velocity across the columns of the result. Solvers push many tangents
-    through this function; as a rule of its own it costs a tenth of differentiating the formula.
+    The derivative is an angular velocity times the result. Solvers push many tangents through this function; the custom
+    rule costs a tenth of differentiating the formula.
     """
     sine, cosine, _ = _coefficients(vector)
     columns = (jnp.asarray(rotation[..., column]) for column in range(3))
@@ -35,7 +35,7 @@ def _turned_tangent(primals: Any, tangents: Any) -> tuple[Array, Array]:
     result = turned(vector, rotation)
     tangent = jnp.zeros_like(result)
     if not isinstance(change, SymbolicZero):
-        # What each part of a vector does to each number of the result, whatever the tangents.
+        # Derivative of each element of the result by each component of the vector, shared by all tangents.
         generators = jnp.einsum("kij,...jl->...kil", _GENERATORS, result)
         effects = jnp.einsum("...ka,...kil->...ila", left_jacobian(vector), generators)
         tangent = tangent + jnp.einsum("...ila,...a->...il", effects, change)
@@ -50,7 +50,7 @@ def exponential(vector: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"]:
 
 
 def cross(one: Float[Array, "..."], other: Float[Array, "..."], axis: int = -1) -> Float[Array, "..."]:
-    """Cross products of vectors along an axis, written out: faster than those of JAX, which move axes about."""
+    """Cross products of vectors along an axis, written out: faster than those of JAX, which transpose axes."""
     (a, b, c), (x, y, z) = (
         [jax.lax.index_in_dim(vector, i, axis, keepdims=False) for i in range(3)] for vector in (one, other)
     )
@@ -61,7 +61,7 @@ def _coefficients(vector: Float[Array, "*batch 3"]) -> tuple[Float[Array, "*batc
     """``sin(a) / a``, ``(1 - cos(a)) / a^2`` and ``(a - sin(a)) / a^3`` of the length a of a vector."""
     squared = (vector * vector).sum(-1)[..., None]
     small = squared < _SERIES
-    # Where the series is used the closed form is fed a harmless 1, so that no gradient is NaN.
+    # Where the series is used, the closed form gets the angle 1, so that no gradient is NaN.
     angle = jnp.sqrt(jnp.where(small, 1.0, squared))
     return (
         jnp.where(small, 1 - squared / 6, jnp.sin(angle) / angle),
@@ -71,7 +71,7 @@ def _coefficients(vector: Float[Array, "*batch 3"]) -> tuple[Float[Array, "*batc
 
 
 def left_jacobian(vector: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"]:
-    """Angular velocity by change of the rotation vector."""
+    """Left Jacobian of SO(3): angular velocity per change of the rotation vector."""
     sine, cosine, rest = (coefficient[..., None] for coefficient in _coefficients(vector))
     skew = _skew(vector, jnp.stack)
     identity = jnp.broadcast_to(jnp.eye(3, dtype=vector.dtype), skew.shape)
@@ -79,13 +79,13 @@ def left_jacobian(vector: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"
 
 
 def _skew(vector: Any, stack: Callable[..., Any] = np.stack) -> Any:
-    """The matrix of the cross product by a vector, of NumPy or of JAX."""
+    """The matrix of the cross product with a vector, for NumPy or JAX."""
     x, y, z = (vector[..., i] for i in range(3))
     zero = 0 * x
     return stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).reshape(*vector.shape, 3)
 
 
-# The matrices of the cross products by the three axes.
+# Matrices of the cross products with the three axes.
 _GENERATORS = _skew(np.eye(3, dtype=np.float32))
 
 
@@ -99,11 +99,11 @@ def turn_about(axis: Float[np.ndarray, "n 3"], angle: Float[np.ndarray, " n"]) -
 def aligning(
     start: Float[np.ndarray, "*batch 3"], goal: Float[np.ndarray, "*batch 3"]
 ) -> Float[np.ndarray, "*batch 3 3"]:
-    """The smallest rotation that turns each unit vector `start` to the unit vector `goal`."""
+    """The smallest rotation that takes each unit vector `start` to the unit vector `goal`."""
     axis = np.cross(start, goal)
     cosine = (start * goal).sum(-1)
     opposite = cosine < -1 + 1e-6
-    # For opposite vectors every perpendicular axis will do: take the one farthest from the vector's largest part.
+    # For opposite vectors any perpendicular axis will do: take that of `start` and its smallest component's axis.
     other = np.eye(3)[np.argmin(np.abs(start), -1)]
     perpendicular = np.cross(start, other)
     perpendicular /= np.linalg.norm(perpendicular, axis=-1, keepdims=True)
@@ -114,7 +114,7 @@ def aligning(
 
 
 def frame(up: Float[np.ndarray, "*batch 3"], left: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3 3"]:
-    """Rotation with columns (front, left, up): `up` is kept, `left` made perpendicular to it."""
+    """Rotation with columns (front, left, up): `up` is kept, `left` is made perpendicular to it."""
     z = up / np.maximum(np.linalg.norm(up, axis=-1, keepdims=True), 1e-9)
     x = np.cross(left, z)
     x /= np.maximum(np.linalg.norm(x, axis=-1, keepdims=True), 1e-9)

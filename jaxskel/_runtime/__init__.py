@@ -1,1 +1,1 @@
-"""What the machine needs: cores, compiled programs, batches of fixed shape, files written whole."""
+"""Use of the machine: processor cores, cache of compiled programs, batches of fixed shape, atomic files."""

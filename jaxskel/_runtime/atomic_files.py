@@ -1,4 +1,4 @@
-"""Files that are whole or not there."""
+"""Atomic writing of files: a file appears complete or not at all."""
 
 import os
 import stat
@@ -7,7 +7,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
-# Of several processes that start together each may remove a folder that another one is about to try: then once more.
+# Processes that start together may remove a folder that another is about to use, so the check is repeated.
 _TRIALS = 4
 
 
@@ -16,11 +16,11 @@ def written_whole(path: Path, mode: int = 0o666) -> Iterator[IO[bytes]]:
     """Open a file for writing that appears under its name only once it is complete.
 
     Args:
-        path: The file; its folder is made where it is missing.
-        mode: Who may read and write it, but for what the user's umask takes away.
+        path: The file; its folder is made if it is missing.
+        mode: Permissions of the file, before the user's umask.
 
     Raises:
-        ValueError: There is something else than a file under this name.
+        ValueError: Something other than a file has this name.
         OSError: It cannot be written.
     """
     check_replaceable(path)
@@ -31,17 +31,17 @@ def written_whole(path: Path, mode: int = 0o666) -> Iterator[IO[bytes]]:
             yield file
         os.replace(unfinished, path)
     except OSError as error:
-        # A full disk does not say which file it is.
+        # The error of a full disk does not name the file.
         raise error if error.filename else OSError(error.errno, f"cannot be written ({error})", str(path)) from error
     finally:
         unfinished.unlink(missing_ok=True)
 
 
 def check_replaceable(path: Path) -> None:
-    """Refuse a name under which there is a folder, a device or a FIFO: a file must not take its place.
+    """Refuse a name that belongs to a folder, a device or a FIFO, which a file must not replace.
 
     Raises:
-        ValueError: One line that names it.
+        ValueError: The name is refused; a one-line message that contains it.
     """
     try:
         mode = os.stat(path).st_mode
@@ -57,10 +57,10 @@ def check_replaceable(path: Path) -> None:
 
 
 def check_writable(path: Path) -> None:
-    """Try whether a file can be written: make its folder and a hidden file in it, and remove both.
+    """Check that a file can be written: make its folder and a hidden file in it, and remove both.
 
     Raises:
-        ValueError: One line that names the file, or the folder that is in the way or cannot be written.
+        ValueError: It cannot; a one-line message with the file, or with the folder that prevents it.
     """
     check_replaceable(path)
     for _ in range(_TRIALS - 1):
@@ -86,7 +86,7 @@ def _try_writing(path: Path) -> None:
         try:
             trial.touch()
             with suppress(FileNotFoundError):
-                os.lstat(path)  # a name may be too long, though that of the trial is not
+                os.lstat(path)  # raises if the name is too long, although that of the trial is not
         finally:
             trial.unlink(missing_ok=True)
     except FileNotFoundError:
@@ -109,5 +109,5 @@ def _unless_another_made_it(folder: Path) -> Iterator[None]:
 
 
 def _unfinished(path: Path) -> Path:
-    """The name of a file until it is complete; a part of its own, because names have a greatest length."""
+    """Temporary name of a file until it is complete, shortened because names have a maximum length."""
     return path.with_name(f".{path.name[:40]}.{os.getpid()}.part")

@@ -1,4 +1,4 @@
-"""Stacks: trees of arrays with a leading axis, of frames mostly."""
+"""Stacks: trees of arrays with a leading axis, mostly of frames."""
 
 from typing import Any
 
@@ -8,26 +8,26 @@ from jaxtyping import Bool, Int
 
 
 def single_precision(tree: Any) -> Any:
-    """Arrays in the precision that JAX computes in, so that the caller's precision does not compile again."""
+    """Arrays in the precision of JAX's computations, so that the caller's precision does not cause a recompilation."""
     return jax.tree.map(lambda a: a if a.dtype.kind in "bi" else np.asarray(a, np.float32), tree)
 
 
-# Memory that begins at a multiple of so many bytes is used by XLA where it is.
+# XLA uses memory aligned to this many bytes without copying it.
 _ALIGNED = 64
 STACK = 32
-"""Stacks on the device are filled up to a multiple of this, so that few shapes are compiled."""
+"""Stacks on the device are padded to a multiple of this, so that few shapes are compiled."""
 
 
 def step_above(count: int) -> int:
-    """A number that is not less, and at most a quarter more: four to each power of two, so few shapes are compiled."""
+    """Round up by at most a quarter: four values between powers of two, so that few shapes are compiled."""
     step = max(1, 2 ** (count.bit_length() - 3))
     return -(-count // step) * step
 
 
 def aligned(shape: tuple[int, ...], kind: Any = np.float32) -> np.ndarray:
-    """An array, not filled yet, where JAX on a processor takes it as it is instead of copying it.
+    """An uninitialised array, aligned so that JAX on a CPU uses it without copying.
 
-    It must not change any more once JAX has it.
+    Do not change it after it has been passed to JAX.
     """
     size = int(np.prod(shape)) * np.dtype(kind).itemsize
     memory = np.empty(size + _ALIGNED, np.uint8)
@@ -36,12 +36,12 @@ def aligned(shape: tuple[int, ...], kind: Any = np.float32) -> np.ndarray:
 
 
 def take(tree: Any, index: Int[np.ndarray, "*some"] | Bool[np.ndarray, "*all"]) -> Any:
-    """Some of a stack, in any order, also several times."""
+    """Select members of a stack by index or mask; indices may repeat, in any order."""
     return jax.tree.map(lambda a: np.asarray(a)[index], tree)
 
 
 def padded(tree: Any, length: int) -> Any:
-    """A stack filled up with its first member, so that every batch has the same shapes; in single precision."""
+    """A stack in single precision, padded with its first member so that every batch has the same shapes."""
 
     def pad(a: np.ndarray) -> np.ndarray:
         if len(a) == length:
@@ -54,12 +54,12 @@ def padded(tree: Any, length: int) -> Any:
 
 
 def filled(tree: Any) -> Any:
-    """A stack filled up to a multiple of `STACK`."""
+    """A stack padded to a multiple of `STACK`."""
     return padded(tree, STACK * -(-len(jax.tree.leaves(tree)[0]) // STACK))
 
 
 def on_device(tree: Any) -> Any:
-    """A stack as compiled functions take it: filled up, and where it is already, left alone."""
+    """A stack padded and on the device, as compiled functions need it; returned unchanged if it already is."""
     if all(isinstance(leaf, jax.Array) and len(leaf) % STACK == 0 for leaf in jax.tree.leaves(tree)):
         return tree
     return jax.device_put(filled(tree))

@@ -1,4 +1,4 @@
-"""A digest of what this package computes: the same wherever its definitions stand."""
+"""Digest of the package's definitions, independent of the files they are in."""
 
 import ast
 import hashlib
@@ -12,16 +12,15 @@ _IMPORTS = (ast.Import, ast.ImportFrom)
 
 @cache
 def digest_of_definitions() -> str:
-    """Of all definitions of this package, in hexadecimal digits.
+    """Digest of all definitions of this package, in hexadecimal digits.
 
-    Places, imports, comments and docstrings do not count: a function that moves to another file, or is explained
-    better, computes what it did.
+    File names, imports, comments and docstrings do not count, because they do not change what the code computes.
     """
     return digest_of_sources(path.read_bytes() for path in Path(__file__).parents[1].rglob("*.py"))
 
 
 def digest_of_sources(sources: Iterable[bytes]) -> str:
-    """Of the definitions in some source files, whatever their order."""
+    """Digest of the definitions in some source files, in any order."""
     found: set[str] = set()
     for source in sources:
         for statement in ast.parse(source).body:
@@ -31,7 +30,7 @@ def digest_of_sources(sources: Iterable[bytes]) -> str:
 
 
 def _undocumented(tree: ast.AST) -> ast.AST:
-    """Without docstrings, texts behind fields, and imports inside functions."""
+    """The tree without docstrings, strings after fields, and imports inside functions."""
     for node in ast.walk(tree):
         if isinstance(node, _DOCUMENTED):
             node.body = [each for each in node.body if not (isinstance(each, _IMPORTS) or _is_text(each))]

@@ -1,8 +1,8 @@
-"""Compiled functions kept on disk: a process that finds one there neither traces nor compiles it.
+"""Disk cache of compiled functions: a process that finds a function there neither traces nor compiles it.
 
-JAX's persistent cache spares a process the compiler, but it must trace a function to know what to look for, and that
-takes longer than all else that goes on before the first pose. Here a function is looked for by what it is given and by
-the code that it is made of. It is kept where JAX keeps what it compiles, if JAX is told to keep anything.
+JAX's persistent cache avoids the compilation, but a function must be traced to compute its key, and that takes longer
+than everything else before the first pose. Here the key is made of the arguments and the source code of the package.
+Programs are stored in the folder of JAX's persistent cache, if that is switched on.
 """
 
 import ctypes
@@ -35,17 +35,17 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _LIBRARIES = ("jax", "jaxlib", "equinox", "optimistix", "lineax", "numpy")
-# What these modules hold under a name is the same in every process, as long as their versions are.
+# In these modules, a name stands for the same object in every process, as long as the versions are the same.
 _KNOWN = (str(__package__).partition(".")[0], *_LIBRARIES, "builtins", "copyreg", "functools", "collections", "enum")
-# Switches of JAX that change what is compiled.
+# JAX settings that change what is compiled.
 _SWITCHES = ("jax_enable_x64", "jax_default_matmul_precision", "jax_debug_nans", "jax_numpy_dtype_promotion")
 
 
 class CachedJit(Generic[P, R]):
-    """A function, compiled as by `equinox.filter_jit`: arrays are traced, all else is static. It returns arrays only.
+    """A function compiled as by `equinox.filter_jit`: arrays are traced, all else is static. It returns arrays only.
 
-    It is `equinox.filter_jit` where JAX's persistent cache is off, where it is itself traced, and where what is static
-    is not of this package or its libraries: a notebook's term may be another one tomorrow under the same name.
+    It falls back to `equinox.filter_jit` if JAX's persistent cache is off, if it is itself traced, and if a static
+    argument is not from this package or its libraries, because in a notebook the same name may later mean another term.
     """
 
     def __init__(self, function: Callable[P, R]):
@@ -59,7 +59,7 @@ class CachedJit(Generic[P, R]):
         folder = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
         leaves, structure = jax.tree.flatten((args, kwargs))
         leaves = [_strong(leaf) for leaf in leaves]
-        if not folder or "://" in folder:  # JAX can keep its own in a bucket of a cloud
+        if not folder or "://" in folder:  # JAX can also use a bucket in a cloud, which is not supported here
             return self._call(leaves, structure)
         numbers = [_is_array(leaf) for leaf in leaves]
         arrays = [_canonical(leaf) for leaf, number in zip(leaves, numbers, strict=True) if number]
@@ -74,7 +74,7 @@ class CachedJit(Generic[P, R]):
         return self._call(leaves, structure) if program is None else program(arrays)
 
     def forget(self) -> None:
-        """Let go of the programs that this process has loaded; those on the disk stay."""
+        """Drop the programs that this process has loaded; those on disk stay."""
         self._known.clear()
 
     def _call(self, leaves: list[Any], structure: Any) -> R:
@@ -82,7 +82,7 @@ class CachedJit(Generic[P, R]):
         return cast(Callable[..., R], self._jitted)(*args, **kwargs)
 
     def _prepared(self, folder: Path, leaves: list, structure: Any) -> Callable[[list[Any]], R] | None:
-        """The function for arguments like these, from the disk or compiled; None where it cannot be named."""
+        """The function for arguments like these, from disk or compiled; None if no key can be made for it."""
         described = [(leaf.shape, _canonical(leaf).dtype.str) if _is_array(leaf) else leaf for leaf in leaves]
         try:
             content = _named((self._name, jax.tree.unflatten(structure, described), _switches()))
@@ -105,13 +105,13 @@ class CachedJit(Generic[P, R]):
             structures.append(structure_of_result)
             return found
 
-        # A new name, so that JAX does not hand out what it has kept itself: that cannot be written whole again.
+        # A unique name, so that JAX does not return a program from its own cache: that could not be serialised again.
         flat.__name__ = f"{self._name.replace('.', '_')}_{uuid4().hex}"
         compiled = jax.jit(flat).lower(*(_canonical(leaf) for leaf in leaves if _is_array(leaf))).compile()
         result = structures[-1]
         try:
             program = serialize(compiled)[0]
-            # A tree of numbers has the structure of the result, which cannot be written by itself.
+            # A tree of integers with the structure of the result, because the structure itself cannot be pickled.
             like = jax.tree.unflatten(result, range(result.num_leaves))
             content = pickle.dumps((program, like))
             with written_whole(path, mode=0o600) as file:
@@ -128,7 +128,7 @@ class CachedJit(Generic[P, R]):
             return None
         if file is None:
             return None
-        # What is unpickled is this user's own; the digest is for files that were cut off.
+        # The file is private to this user, so unpickling is safe; the digest detects truncated files.
         digest, content = file[:32], file[32:]
         if hashlib.sha256(content).digest() != digest:
             return None
@@ -139,20 +139,20 @@ class CachedJit(Generic[P, R]):
         flat = jax.tree.structure(list(range(result.num_leaves)))
         try:
             compiled = deserialize_and_load(program, given, flat)
-        except Exception as error:  # whatever the runtime makes of a program of another kind of machine
+        except Exception as error:  # any error of the runtime, for example for a program from another kind of machine
             warnings.warn(f"{path}: a compiled function could not be read ({error})", stacklevel=4)
             return None
         return lambda leaves: jax.tree.unflatten(result, compiled(*leaves))
 
 
 def cached_jit(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function and keep it, see [`CachedJit`][]."""
+    """Compile a function and store it on disk, see [`CachedJit`][]."""
     return cast(Callable[P, R], CachedJit(function))
 
 
 @cache
 def _usable(folder: Path) -> bool:
-    """Whether a folder for compiled functions, which is made where it is missing, and JAX's around it are private."""
+    """Whether the folder for compiled functions, made if missing, and JAX's folder above it are private."""
     try:
         make_private(folder)
         shared = next((path for path in (folder.parent, folder) if not is_private(path)), None)
@@ -169,7 +169,7 @@ def _is_array(value: Any) -> bool:
 
 
 def _strong(leaf: Any) -> Any:
-    """An array without JAX's mark that it was made of a Python number, which would compile again."""
+    """An array without JAX's weak type, the mark of a Python number, which would cause a recompilation."""
     weak = isinstance(leaf, jax.Array) and not isinstance(leaf, Tracer) and leaf.weak_type
     return jnp.asarray(leaf, leaf.dtype) if weak else leaf
 
@@ -185,7 +185,7 @@ def _switches() -> tuple[Any, ...]:
 
 @cache
 def _surroundings() -> bytes:
-    """What a program depends on beside its arguments: code, versions, processor."""
+    """What a program depends on besides its arguments: code, versions, processor."""
     device, flags = jax.devices()[0], os.environ.get("XLA_FLAGS")
     versions = [version(name) for name in _LIBRARIES]
     return repr((digest_of_code(), versions, processor(), device.platform, device.device_kind, flags)).encode()
@@ -193,7 +193,7 @@ def _surroundings() -> bytes:
 
 @cache
 def digest_of_code() -> str:
-    """Of the source of this package, in hexadecimal digits."""
+    """Digest of the source of this package, in hexadecimal digits."""
     folder = Path(__file__).parents[1]
     digest = hashlib.sha256()
     for path in sorted(folder.rglob("*.py")):
@@ -203,7 +203,7 @@ def digest_of_code() -> str:
 
 @cache
 def processor() -> str:
-    """The kind of processor: nodes of a cluster may share a folder and still differ."""
+    """The kind of processor: nodes of a cluster may share a folder but have different processors."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
         kind = next(line for line in lines if line.startswith(("flags", "Features")))
@@ -213,19 +213,19 @@ def processor() -> str:
 
 
 def _give_memory_back() -> None:
-    """Have glibc return what the compiler has freed: it would keep some hundred megabytes for later."""
+    """Make glibc return the memory that the compiler has freed, some hundred megabytes, to the system."""
     if sys.platform == "linux" and hasattr(library := ctypes.CDLL(None), "malloc_trim"):
         library.malloc_trim(0)
 
 
 @cache
 def _load_linear_algebra() -> None:
-    """Have JAX load LAPACK, as it does when it lowers a function that calls it: a program from the disk needs it."""
+    """Make JAX load LAPACK, as it does when it lowers a function that calls it: programs from disk need it."""
     jax.jit(jnp.linalg.cholesky).lower(jax.ShapeDtypeStruct((2, 2), jnp.float32))
 
 
 class _Namer(pickle.Pickler):
-    """Writes what is static; functions and classes by name, if they are known under it."""
+    """Pickles static arguments; functions and classes are pickled by name, if they are from a known module."""
 
     def reducer_override(self, obj: Any) -> Any:
         if isinstance(obj, type | FunctionType | BuiltinFunctionType):

@@ -1,4 +1,4 @@
-"""The cores that a process runs on."""
+"""Assignment of a process to processor cores."""
 
 import os
 from contextlib import suppress
@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def take_core(number: int) -> None:
-    """Keep this process to one of the cores it may use, where the system can; before JAX starts its threads."""
+    """Pin this process to one of the cores it may use, if the system can; call it before JAX starts its threads."""
     if not hasattr(os, "sched_setaffinity"):
         return
     mine = sorted(os.sched_getaffinity(0))
@@ -14,9 +14,9 @@ def take_core(number: int) -> None:
 
 
 def keep_to(cores: set[int]) -> None:
-    """Keep all threads of this process to some cores; what they start later follows them."""
+    """Pin all threads of this process to some cores; threads started later inherit this."""
     threads = Path("/proc/self/task")
-    # NumPy has started some when it was imported.
+    # NumPy starts some threads when it is imported.
     for thread in [int(path.name) for path in threads.iterdir()] if threads.exists() else [0]:
         with suppress(ProcessLookupError):
             os.sched_setaffinity(thread, cores)

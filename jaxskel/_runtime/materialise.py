@@ -1,8 +1,8 @@
-"""Intermediate results that are worked out once.
+"""Keeps XLA from computing intermediate results repeatedly.
 
-XLA fuses what leads to a number into every loop that uses it, and works it out again there. Where loops look numbers up
-at computed places, or add up what takes long to work out, that costs several times what it saves. It does not look into
-a branch that it cannot foresee.
+XLA fuses the computation of a value into every loop that uses it, and repeats it there. For loops with indexed look-ups
+or sums of expensive values, that costs several times what it saves. XLA does not fuse into a branch whose condition is
+not known at compile time.
 """
 
 from typing import TypeVar
@@ -15,11 +15,11 @@ T = TypeVar("T")
 
 
 def computed_once(results: T, number: Float[Array, ""]) -> T:
-    """The same arrays, but stored, not fused into what uses them.
+    """Return the same arrays, but stored in memory, not fused into their uses.
 
     Args:
         results: A tree of arrays.
-        number: Any that is not known when the function is compiled, best one that `jax.vmap` does not map over. Where
-            it is NaN, and so no result can be right, all are zero.
+        number: Any value not known at compile time, best one that `jax.vmap` does not map over. If it is NaN, in which
+            case no result can be right, all results are zero.
     """
     return jax.lax.cond(number == number, lambda same: same, lambda same: jax.tree.map(jnp.zeros_like, same), results)

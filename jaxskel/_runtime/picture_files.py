@@ -1,4 +1,4 @@
-"""Pictures as files: whole or not there, and PNGs with a note of what made them."""
+"""Writing of image files: atomically, with a note in PNGs that jaxskel made them."""
 
 import io
 import struct
@@ -12,20 +12,20 @@ from jaxtyping import UInt8
 
 from .atomic_files import written_whole
 
-if TYPE_CHECKING:  # Matplotlib takes a second, and only some commands need it
+if TYPE_CHECKING:  # Matplotlib takes a second to import, and only some commands need it
     from matplotlib.figure import Figure
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
-"""Suffixes of the files that `write_image` writes."""
+"""Suffixes of the files that `write_image` can write."""
 SIGNATURE = b"tEXtSoftware\0jaxskel"
-"""In a PNG: the text that says what made it."""
+"""Text chunk in a PNG that names this program as its maker."""
 
 
 def write_image(path: str | Path, image: UInt8[np.ndarray, "h w 3"]) -> None:
-    """Write a picture; the ending of the path tells the format.
+    """Write an image (blue, green, red); the suffix of the path gives the format.
 
     Raises:
-        ValueError: It tells none that is known.
+        ValueError: The suffix is of no known format.
     """
     path = Path(path)
     try:
@@ -38,10 +38,10 @@ def write_image(path: str | Path, image: UInt8[np.ndarray, "h w 3"]) -> None:
 
 
 def write_figure(path: str | Path, figure: "Figure", dpi: int) -> None:
-    """Write a figure of Matplotlib's; the ending of the path tells the format (.png, .pdf, .svg).
+    """Write a Matplotlib figure; the suffix of the path gives the format (.png, .pdf, .svg).
 
     Raises:
-        ValueError: It tells none that is known.
+        ValueError: The suffix is of no known format.
     """
     path, content = Path(path), io.BytesIO()
     figure.savefig(content, dpi=dpi, format=path.suffix.removeprefix(".") or "png")
@@ -54,7 +54,7 @@ def _write(path: Path, content: bytes) -> None:
 
 
 def _signed(png: bytes) -> bytes:
-    """The picture with the signature, a chunk of text after its header."""
+    """The PNG with the signature as a text chunk after its header."""
     header = 8 + 12 + struct.unpack(">I", png[8:12])[0]
     length, check = struct.pack(">I", len(SIGNATURE) - 4), struct.pack(">I", zlib.crc32(SIGNATURE))
     return png[:header] + length + SIGNATURE + check + png[header:]

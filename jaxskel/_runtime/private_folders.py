@@ -1,6 +1,6 @@
-"""Files that only this user can have written: compiled programs are code, and are loaded from nowhere else.
+"""Checks that a file can have been written by this user only, because compiled programs are code that is executed.
 
-Where the system knows no owners (Windows), the user's own folders are kept apart by the system itself.
+On Windows there is no such check: the system itself keeps users' own folders apart.
 """
 
 import os
@@ -13,15 +13,15 @@ _said = False
 
 
 def is_private(path: Path) -> bool:
-    """Whether a file or folder, and a link that leads to it, is this user's, and nobody else may write it.
+    """Whether a file or folder, and any link to it, belongs to this user and is not writable by others.
 
-    Folders above it do not matter: others could exchange it there, but only for what is theirs.
+    Folders above it are not checked: whoever exchanges it there can only put their own files in its place.
     """
     return _is_own(os.lstat(path)) and _is_own(os.stat(path)) and not _open_to_others(os.stat(path))
 
 
 def make_private(folder: Path) -> None:
-    """Make a folder where it is missing, and the missing ones above it, for this user only.
+    """Make a folder, and missing ones above it, accessible to this user only.
 
     Raises:
         OSError: It cannot be made.
@@ -32,12 +32,12 @@ def make_private(folder: Path) -> None:
 
 
 def read_private(path: Path) -> bytes | None:
-    """The content of a file of this user's own; None where there is none, or where it is not, which is said.
+    """Read a file; return None, with a message, if it is not private to this user.
 
     Raises:
-        OSError: It cannot be read.
+        OSError: It does not exist or cannot be read.
     """
-    # A link in a folder of one's own is none of what is written there. Nor is a FIFO, which would be waited for.
+    # Links are refused, because their targets are elsewhere; so are FIFOs, without waiting for them.
     flags = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
     with open(os.open(path, flags), "rb") as file:
         found = os.fstat(file.fileno())
@@ -48,7 +48,7 @@ def read_private(path: Path) -> bytes | None:
 
 
 def say_shared(path: Path) -> None:
-    """Say why compiled programs are not loaded, once in a process."""
+    """Print, once in a process, why compiled programs are not loaded."""
     global _said
     if not _said:
         _said = True

@@ -1,6 +1,6 @@
-"""A subject's flesh and bone lengths from silhouettes. Not in the paper, whose template is given.
+"""Calibration of a subject's body (flesh, bone lengths) from silhouettes. Not in the paper, whose template is given.
 
-In: start poses and outlines of some frames. Out: a `Body`, and what its poses typically cost.
+In: start poses and outlines of some frames. Out: a `Body`, and the typical costs of its poses.
 """
 
 from ._bundle_adjustment import bundle_adjust as bundle_adjust

@@ -1,7 +1,7 @@
-"""Bundle adjustment: the dimensions of a body and its poses in many frames at once.
+"""Bundle adjustment: the dimensions of a body together with its poses in many frames.
 
-Gauss-Newton with look-ups frozen for each step. The unknowns of a pose meet only those of the body, so each frame's
-are eliminated before the body's are solved for (Schur complement), and the work grows linearly with the frames.
+Gauss-Newton with correspondences fixed during each step. A pose shares residuals only with the body, so the unknowns
+of each frame are eliminated before the body's are solved for (Schur complement); cost is linear in the frames.
 """
 
 from typing import NamedTuple
@@ -29,49 +29,49 @@ from ._shape_quadrics import contour_quadrics, inside_quadrics
 
 _HINGED = HingedLimbs()
 _POSE = jax.eval_shape(_HINGED.unknowns).size  # traced only: see `fit_scales`
-# The outlines of a well fitted body are 5 mm off; so few of a frame's 3600 rays are taken as measurements of their own
-# with that deviation: one for about every capsule. In the objective of single frames it is one in ten of them, because
-# there the pose may give way instead of the body.
+# The outlines of a well fitted body have a standard deviation of 5 mm. As errors of neighbouring rays are correlated,
+# a frame's 3600 rays count as only 30 independent measurements, about one for each capsule. In the objective of single
+# frames one ray in ten counts, because there the pose may give way instead of the body.
 _MEASUREMENTS, _DEVIATION = 30, 0.005
 _CONTOURS = _MEASUREMENTS / _DEVIATION**2
-# As much weaker as in `volume_objective`.
+# Same ratio to the weight of the contours as in `volume_objective`.
 _INSIDE = _CONTOURS * 7e4 / 1.2e5
-# Rays farther from the body (m) count for little, on either side: a body too fat is as wrong as one too thin.
+# Robust scale (m) of ray distances, for both signs: a body too fat is as wrong as one too thin.
 _SCALE = 0.018
-# Poses of rest are a help where nothing is seen, but pull all lengths the same way.
+# Factor on the rest prior: it helps where nothing is observed, but biases all lengths in the same direction.
 _REST = 0.3
-# How well joints that are known agree with a chain of rigid bones (m).
+# Standard deviation of known joints from a chain of rigid bones (m).
 _KNOWN = 0.003
-# Of the normal matrix: absolute for poses, and as a share of its diagonal.
+# Damping of the normal matrix: absolute for poses, and as a share of its diagonal.
 _DAMPING, _RELATIVE_DAMPING = 0.1, 1e-3
-# A step is not trusted farther than this: of a pose (m, rad), of a length (logarithm), of a ball (m).
+# Largest step, as the linearisation is not trusted farther: of a pose (m, rad), a length (logarithm), a ball (m).
 _POSE_REACH, _LENGTH_REACH, _BALL_REACH = 0.4, 0.1, 0.02
-# Model errors are alike in all frames: for the deviations one frame in so many counts.
+# Model errors are correlated between frames: one frame in this many counts as independent for the deviations.
 _ALIKE = 4
 
 
 class Adjusted(NamedTuple):
-    """What one or several steps have led to."""
+    """Result of one or several steps."""
 
     shape: Shape
     poses: Pose
     """Axis ``frames``."""
     deviations: Float[np.ndarray, "lengths=11"]
-    """Standard deviation of each length, as a share of it."""
+    """Standard deviation of each length, as a share of the length."""
     change: float
-    """Largest change of a length in the last step, as a share of it."""
+    """Largest change of a length in the last step, as a share of the length."""
 
 
 class Linear(eqx.Module):
-    """One frame linearised: balls and other residuals by the unknowns of pose and body."""
+    """One frame linearised: balls and other residuals as functions of the unknowns of pose and body."""
 
     matrix: Float[Array, "capsules 8 8"]
     vector: Float[Array, "capsules 8"]
     balls: Float[Array, "balls 4 unknowns"]
-    """Derivative of centres and radii."""
+    """Derivative of centres and radii by the unknowns."""
     residuals: Float[Array, " rows"]
     rows: Float[Array, "rows unknowns"]
-    """Derivative of the residuals."""
+    """Derivative of the residuals by the unknowns."""
 
 
 def bundle_adjust(
@@ -85,19 +85,19 @@ def bundle_adjust(
     tolerance: float = 1e-3,
     joints: Float[np.ndarray, "stack joints=15 3"] | None = None,
 ) -> Adjusted:
-    """Adjust a body and its poses to what was seen of it.
+    """Adjust a body and its poses to the silhouettes of many frames.
 
     Args:
-        template: What `shape` is relative to.
-        prior: What is known about the shape.
-        shape: Where to begin.
-        poses: Likewise, with the axis ``frames``.
+        template: Skeleton that `shape` is relative to (m).
+        prior: Prior of the shape.
+        shape: Start of the shape.
+        poses: Start of the poses (m, in the world), with the axis ``frames``.
         observed: Outlines and silhouettes, on the device, with the same axis.
-        used: The frames that count; the others keep their poses.
-        steps: At most so many.
-        tolerance: No more steps where no length but those of the tips changes by more than this share.
-        joints: Joints in the world (m), of as many frames as `poses` has, where they are known: by markers, or because
-            the film is synthetic.
+        used: Frames to use; the others keep their poses.
+        steps: Largest number of steps.
+        tolerance: Stop when no length but those of the tips changes by more than this share.
+        joints: Known joints in the world (m), of as many frames as `poses` has: from markers or a synthetic scene.
+            None where they are not known.
     """
     template = single_precision(template)
     known = None if joints is None else jnp.asarray(joints, jnp.float32)
@@ -142,14 +142,14 @@ def _step(
         turns[frame] = np.clip(both[:, -1] - both[:, :-1] @ change, -_POSE_REACH, _POSE_REACH)
     poses = jax.tree.map(np.asarray, _turned(template, start, before.poses, turns))
     deviations = np.sqrt(np.diagonal(np.linalg.inv(matrix / _ALIKE + prior.precision)))[: len(LENGTH_NAMES)]
-    # Tips hardly matter to anything else, and settle last.
+    # The tips' lengths are ignored here: they affect little else, and converge last.
     return Adjusted(Shape.of(vector + change), poses, deviations, float(np.abs(change[:8]).max()))
 
 
 def normal_equations(
     linear: Linear,
 ) -> tuple[Float[np.ndarray, "unknowns unknowns"], Float[np.ndarray, " unknowns"]]:
-    """Matrix and right hand side of one frame's step: unknowns of the pose, then of the body."""
+    """Matrix and right-hand side of one frame's normal equations: unknowns of the pose, then of the body."""
     first, last = linear.balls[LINKS[:, 0]], linear.balls[LINKS[:, 1]]
     ends = np.concatenate([first[:, :3], last[:, :3], first[:, 3:], last[:, 3:]], 1)  # capsules 8 unknowns
     matrix = np.tensordot(ends, linear.matrix @ ends, ((0, 1), (0, 1))) + linear.rows.T @ linear.rows
@@ -164,7 +164,7 @@ def linearised(
     stack: Observed,
     joints: Float[Array, "stack joints=15 3"] | None = None,
 ) -> Linear:
-    """Linearise frame by frame; those of a stack that have poses. Joints count where they are known."""
+    """Linearise the frames of a stack that have poses, one by one; known joints add residuals."""
 
     def one(given: tuple[Pose, Int[Array, ""], Float[Array, "joints=15 3"] | None]) -> Linear:
         pose, frame, known = given
@@ -200,7 +200,7 @@ def _linearised(
 
 
 def _others(body: Body) -> Objective:
-    """What a pose costs beside what is seen."""
+    """The terms of the objective that do not depend on the silhouettes."""
     terms = {name: term for name, term in volume_objective(body).terms.items() if not isinstance(term, CapsuleTerm)}
     return eqx.tree_at(lambda o: o.terms["rest"].weight, Objective(terms), _REST * terms["rest"].weight)
 

@@ -1,4 +1,4 @@
-"""Radii of a subject's body, and where its flesh sits around the skeleton, from outlines in a few frames."""
+"""Radii of a subject's body, and positions of its flesh around the skeleton, from outlines in a few frames."""
 
 import equinox as eqx
 import jax
@@ -24,14 +24,14 @@ from ..refinement.terms import Observed
 from ..search import Search, fit_poses, fit_scales, make_model, solve_frames
 
 _ROUNDS = 4
-# Frames whose fit is the worst may be wrong altogether; they are left out.
+# Share of the frames used, those with the best fits; the others may have wrong poses.
 _USED = 0.8
-# Rays farther from the body (m) belong to something else; beyond the scale (m) they count for little.
+# Rays farther than _REACH from the body (m) belong to something else; beyond _SCALE (m) rays have little weight.
 _REACH, _SCALE = 0.05, 0.018
-# Neighbouring rays say the same: so many count as one measurement.
+# Neighbouring rays are correlated: this many count as one measurement.
 _ALIKE = 50
-# How far flesh may sit from where it does on average, and how thick it may be (m). The middle of a limb's flesh is its
-# bone; hands and feet are what they are; the trunk and the head differ most.
+# Standard deviations (m) of the balls' positions around the average, and of the radii. Limbs: flesh is centred on the
+# bone. Hands and feet vary little. Trunk and head vary most.
 _LIMB_PLAY, _END_PLAY, _TRUNK_PLAY, _RADIUS_PLAY = 0.002, 0.005, 0.012, 0.025
 _LIMB = ("shoulder", "elbow", "forearm", "wrist", "palm", "finger", "knee", "calf", "ankle")
 _END = ("heel", "ball", "toe")
@@ -40,16 +40,16 @@ _SCALES = fit_scales((0.04, 4))
 
 
 class Costs(eqx.Module):
-    """What right poses of a subject cost in one recording, in the units of `volume_objective`."""
+    """Costs of correct poses of a subject in one recording, in the units of `volume_objective`."""
 
     low: float
-    """A tenth of the frames cost less."""
+    """The 10 % quantile over the frames."""
     typical: float
-    """Half of them do."""
+    """The median over the frames."""
 
 
 class CalibratedFlesh(eqx.Module):
-    """A subject's body, and how well it explains the subject."""
+    """A subject's calibrated body, and the costs of its poses."""
 
     body: Body
     costs: Costs
@@ -58,16 +58,16 @@ class CalibratedFlesh(eqx.Module):
 def calibrate_flesh(
     body: Body, starts: Pose, fallback: Pose, observed: Observed, search: Search | None = None
 ) -> CalibratedFlesh:
-    """Fit the radii of a body, and the places of its balls, to the outlines of one subject in different poses.
+    """Fit the radii of a body, and the positions of its balls, to the outlines of one subject in different poses.
 
-    Poses and body are fitted in turns; left and right stay alike.
+    Poses and body are fitted in alternation; left and right stay mirror images.
 
     Args:
-        body: Where to begin, see [`make_body`][jaxskel.make_body].
-        starts: Poses to start from, with axes ``frames starts``.
-        fallback: Likewise, see `solve_frames`.
-        observed: Fields of the hulls and outlines, with a leading axis ``frames``; 15 to 30 frames will do.
-        search: How broad and how deep to search for the poses.
+        body: Body to begin with (m), see [`make_body`][jaxskel.make_body].
+        starts: Start poses (m, in the world), with axes ``frames starts``.
+        fallback: Start poses where `starts` fail, with the same axes, see `solve_frames`.
+        observed: Outlines and silhouettes, with a leading axis ``frames``; 15 to 30 frames are enough.
+        search: Breadth and depth of the search for the poses.
     """
     search = search or Search()
     found = solve_frames(make_model(body), search, starts, fallback, observed)
@@ -84,7 +84,7 @@ def calibrate_flesh(
 
 
 def _updated(body: Body, poses: Pose, outlines: Contours) -> Body:
-    """One step of Gauss-Newton for all radii and offsets at once, the poses given."""
+    """One Gauss-Newton step for all radii and offsets at once, with the poses fixed."""
     which, part, distance, normals = (np.asarray(a, np.float64) for a in _nearest(body, poses, outlines))
     links = np.asarray(body.links)[which.astype(int).ravel()]
     part, distance = part.ravel(), distance.ravel()
@@ -114,7 +114,7 @@ def _nearest(
 ) -> tuple[
     Int[Array, "frames rays"], Float[Array, "frames rays"], Float[Array, "frames rays"], Float[Array, "frames rays 2 3"]
 ]:
-    """Capsule of each ray, where along it, distance (m), and the normal in the frames of the two balls' segments."""
+    """Capsule of each ray, position along it, distance (m), and the normal in the frames of the balls' segments."""
 
     def one(pose: Pose, outlines: Contours) -> tuple[Array, Array, Array, Array]:
         rotations = jnp.asarray(pose.rotations)

@@ -1,4 +1,4 @@
-"""Squared distances between a body and what was seen of it, linearised in the capsules' ends and in their radii."""
+"""Squared distances between a body and its observations, linearised in the capsules' ends and radii."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -9,27 +9,27 @@ from ..refinement.terms import ContourContact, InsideSilhouettes, Observed, Plac
 
 
 class ShapeQuadrics(eqx.Module):
-    """Weighted squared distances of one frame, summed up by capsule.
+    """Weighted squared distances of one frame, summed by capsule.
 
-    Moving the two ends of a capsule by (a, b) and making its radii larger by (r, s) changes what it costs by
+    Displacing the two ends of a capsule by (a, b) and enlarging its radii by (r, s) changes its cost by
     d . matrix d - 2 vector . d, with d = (a, b, r, s).
     """
 
     matrix: Float[Array, "capsules 8 8"]
     vector: Float[Array, "capsules 8"]
     squared: Float[Array, ""]
-    """Weighted sum of the squared distances before (m^2)."""
+    """Weighted sum of the squared distances at the linearisation (m^2)."""
 
     def __add__(self, other: "ShapeQuadrics") -> "ShapeQuadrics":
         return ShapeQuadrics(self.matrix + other.matrix, self.vector + other.vector, self.squared + other.squared)
 
 
 def contour_quadrics(term: ContourContact, placed: PlacedBody, observed: Observed) -> ShapeQuadrics:
-    """Of rays to their nearest capsules, see `ContourContact`."""
+    """Squared distances of outline rays to their nearest capsules, see `ContourContact`."""
     near, weight = term.nearest(placed, observed)
     weight = term.weight * weight
     part = near.part[:, None]
-    # What moves the surface towards the ray shortens the distance.
+    # Moving the surface towards the ray shortens the distance.
     rows = jnp.concatenate([(1 - part) * near.normal, part * near.normal, 1 - part, part], 1)
     member = (near.capsule[None] == jnp.arange(len(LINKS), dtype=jnp.int32)[:, None]).astype(rows.dtype)
     squares = (rows[:, :, None] * rows[:, None] * weight[:, None, None]).reshape(len(rows), -1)
@@ -38,7 +38,7 @@ def contour_quadrics(term: ContourContact, placed: PlacedBody, observed: Observe
 
 
 def inside_quadrics(term: InsideSilhouettes, placed: PlacedBody, observed: Observed) -> ShapeQuadrics:
-    """Of points on the axes to the silhouettes that they stick out of, see `InsideSilhouettes`."""
+    """Squared depths by which points on the axes stick out of the silhouettes, see `InsideSilhouettes`."""
     points, radii, part = term.points(placed)
     out, gradients, weight = term.depths(points, radii, observed)
     weight = term.weight * weight

@@ -49,9 +49,10 @@ def demo(
     result = score(poses.joints.astype(np.float64), recording.truth.joints, poses.has_pose)
     write_score(output, result)
     write_image(output / "views.png", _views(recording, poses.joints))
-    from ..visualization.figures import plot_stages
+    from ..visualization.figures import plot_stages, telling_frame
 
-    plot_stages(recording, prepared, Settings(), frame=int(0.55 * frames), path=output / "stages.png")
+    frame = telling_frame(poses) if poses.has_pose.any() else 0
+    plot_stages(recording, prepared, Settings(), frame, output / "stages.png")
 
     console = Console()
     if times.later_frames:

@@ -1,6 +1,6 @@
-"""Colour images to silhouettes: a background model, and what is cleaned afterwards.
+"""Segmentation of colour images into silhouettes: background models, and cleaning of their masks (Sect. 4.1).
 
-In: images. Out: masks. A model has no more than `foreground`: another segmenter's is as good.
+In: images. Out: masks. A model needs only the method `foreground`, so any other segmenter can be used.
 """
 
 from ._backdrop import ColouredBackdrop as ColouredBackdrop

@@ -1,4 +1,4 @@
-"""A room hung with cloth of one colour: Straka et al.'s own set-up (Sect. 4), and that of every film studio."""
+"""Background model for cloth of one colour, as in Straka et al.'s set-up (Sect. 4.1) and in film studios."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -7,35 +7,35 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
-# Half of the way from the cloth's colour to grey. Light that the cloth throws on a person takes skin and clothes some
-# way towards its colour, folds and lamps take the cloth some way towards grey: halfway leaves most room to both.
+# Threshold half-way from the cloth's colour to grey. Light reflected by the cloth shifts skin and clothes towards its
+# colour; folds and lamps shift the cloth towards grey; half-way leaves most room for both.
 _HALFWAY = 0.5
-# A shadow leaves a third of the light, 0.6 of the level (see `Plate`), of the darkest cloth that was seen.
+# A shadow leaves a third of the light, 0.6 of the level (see `Plate`), of the darkest cloth in the images.
 _DARKEST_SHADOW = 0.6
-# Cloth has this much chroma for its luma at least: an eighth is the greyish green of a bad key.
+# Smallest ratio of the cloth's chroma to its luma: an eighth is the greyish green of a poor backdrop.
 _LEAST_CHROMA = 0.125
-# Levels below which a codec's noise of one or two levels is as large as the chroma of cloth.
+# Below this level, a codec's noise of one or two levels is as large as the chroma of cloth.
 _DARK = 16.0
-# The rim of an image shows the room, not the person, who stands in the middle: this part of it on each side.
+# Width of the rim on each side of the image, as a share of it: it shows the room, not the person in the middle.
 _RIM = 0.06
-_OF_CLOTH = 0.5  # of the rim at least must be of the colour that is learned from it
+_OF_CLOTH = 0.5  # smallest share of the rim that must have the colour learned from it
 
 
 @dataclass(frozen=True)
 class ColouredBackdrop:
     """Cloth of one saturated colour, unevenly lit, folded, in shadow. Make one with [`backdrop_of`][].
 
-    Chroma over luma says which it is: shading and shadows change both alike, so shadows are background whatever the
-    light, and no image of the empty room is needed.
+    Cloth is recognised by chroma over luma: shading and shadows change both by the same factor, so shadows count as
+    background in any light, and no image of the empty room is needed.
     """
 
     tint: Float[np.ndarray, "2"]
-    """Cr and Cb of the cloth, as parts of its luma."""
+    """Cr and Cb of the cloth, as shares of its luma."""
     darkest: float
-    """Luma of the darkest cloth (levels): what is much darker is no cloth in shadow but black hair or clothes."""
+    """Luma of the darkest cloth (levels): anything much darker is not cloth in shadow but black hair or clothes."""
 
     def foreground(self, image: UInt8[np.ndarray, "h w 3"]) -> Bool[np.ndarray, "h w"]:
-        """Where the image does not show the cloth: nearer to grey than to its colour, of another hue, or too dark."""
+        """Pixels that do not show the cloth: nearer to grey than to its colour, of another hue, or too dark."""
         luma, along, across = self._compared(image)
         return ~((along > _HALFWAY) & (np.abs(across) < _HALFWAY) & (luma > _DARKEST_SHADOW * self.darkest))
 
@@ -59,7 +59,7 @@ def backdrop_of(images: Iterable[UInt8[np.ndarray, "h w 3"]]) -> ColouredBackdro
     luma, tints = (a[0] for a in _tints(pixels))
     bright = luma > _DARK
     tint = np.median(tints[bright], axis=0) if bright.any() else np.zeros(2)
-    # Again among those of that hue: a lamp or a door in the rim must not count.
+    # Repeated with the pixels of that hue only, so that a lamp or a door in the rim does not count.
     for _ in range(2):
         found = ColouredBackdrop(tint.astype(np.float64), 0.0)
         cloth = bright & ~found.foreground(pixels)[0] if np.linalg.norm(tint) > _LEAST_CHROMA else np.zeros_like(bright)
@@ -85,14 +85,14 @@ def backdrop_of_colour(blue: int, green: int, red: int) -> ColouredBackdrop:
 
 
 def _tints(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Luma (levels), and Cr and Cb as parts of it."""
+    """Luma (levels), and Cr and Cb as shares of it."""
     planes = cv2.cvtColor(image, cv2.COLOR_BGR2YCrCb).astype(np.float32)
     luma = planes[..., 0]
     return luma, (planes[..., 1:] - 128) / np.maximum(luma, 1)[..., None]
 
 
 def _rim(image: np.ndarray) -> np.ndarray:
-    """The pixels along the border, in a row; every other line is enough."""
+    """Pixels along the border, as a list; only every other row and column is used."""
     height, width = image.shape[:2]
     wide = max(1, round(_RIM * min(height, width)))
     inner = np.zeros((height, width), bool)

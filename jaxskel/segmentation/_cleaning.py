@@ -1,4 +1,4 @@
-"""A silhouette without specks, holes and strangers."""
+"""Cleaning of silhouettes: removes specks, holes and other people."""
 
 from dataclasses import dataclass
 
@@ -6,23 +6,23 @@ import cv2
 import numpy as np
 from jaxtyping import Bool
 
-# Of the square root of a silhouette's area. Seen from the front, a person covers 0.6 m^2, so this is 3.5 cm of him,
-# whatever he measures in the image: two voxels. What is narrower than that says nothing about a limb.
+# Share of the root of a silhouette's area. Seen from the front, a person covers 0.6 m^2, so this is 3.5 cm (two voxels)
+# at any image scale. Narrower structures say nothing about a limb.
 _NARROW = 0.045
 
 
 @dataclass(frozen=True)
 class Cleaning:
-    """What is done to a raw silhouette, in this order; each step is a switch."""
+    """Steps applied to a raw silhouette, in this order; each can be switched off."""
 
     smooth: bool = True
-    """A pixel goes with the majority of its 3 x 3 neighbourhood: single pixels go, lines of two stay."""
+    """3 x 3 majority (median) filter: removes single pixels, keeps lines two pixels wide."""
     largest: bool = True
-    """The largest connected part is the person. Parts less than 3.5 cm apart are one, without
-    specks smaller than that."""
+    """Keep the largest connected part as the person, without smaller ones. Parts less than 3.5 cm apart count as
+    connected, except for specks of less than 3.5 cm by 3.5 cm."""
     fill: bool = True
-    """Slits narrower than 3.5 cm are closed and holes of less than 3.5 cm by 3.5 cm filled: what is missing in one view
-    is carved away for good. The gap between an arm and the trunk stays where it is wider."""
+    """Close slits narrower than 3.5 cm and fill holes of less than 3.5 cm by 3.5 cm: what is missing in one view is
+    carved away for good. Wider gaps between an arm and the trunk stay."""
 
     def apply(self, mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
         """Clean a silhouette (True = person)."""
@@ -37,7 +37,7 @@ class Cleaning:
 
 
 def _largest(mask: np.ndarray) -> np.ndarray:
-    # The person's size comes first: it tells how far apart his parts may be.
+    # The person's size is estimated first, because the largest gap between their parts depends on it.
     parts = _parts(mask)
     sizes = _sizes(parts)
     if len(sizes) < 2:
@@ -46,7 +46,7 @@ def _largest(mask: np.ndarray) -> np.ndarray:
     whole[0] = False
     mask = whole[parts].astype(np.uint8)
     wide = _odd(_NARROW * np.sqrt(sizes[1:].max()))
-    # Each part grows by half of the gap: what then touches is one.
+    # Each part grows by half the gap; parts that touch then are connected.
     parts = _parts(cv2.dilate(mask, np.ones((wide, wide), np.uint8))) * mask
     return (parts == 1 + np.argmax(_sizes(parts)[1:])).astype(np.uint8)
 
@@ -54,7 +54,7 @@ def _largest(mask: np.ndarray) -> np.ndarray:
 def _filled(mask: np.ndarray) -> np.ndarray:
     wide = _odd(_NARROW * np.sqrt(np.count_nonzero(mask)))
     mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (wide, wide)))
-    # A rim of background joins what the silhouette parts at the border of the image: a hole is what it does not reach.
+    # A border of background connects the background that the silhouette divides at the image border; holes stay apart.
     parts = _parts(np.pad(1 - mask, 1, constant_values=1), connectivity=4)
     small = _sizes(parts) <= _NARROW**2 * np.count_nonzero(mask)
     small[parts[0, 0]] = False
@@ -62,15 +62,15 @@ def _filled(mask: np.ndarray) -> np.ndarray:
 
 
 def _parts(mask: np.ndarray, connectivity: int = 8) -> np.ndarray:
-    """Number of the connected part that each pixel belongs to, 0 for none."""
+    """Index of the connected part of each pixel, 0 for none."""
     return np.asarray(cv2.connectedComponents(mask, connectivity=connectivity)[1], np.int32)
 
 
 def _sizes(parts: np.ndarray) -> np.ndarray:
-    """Pixels of each part; the first is what belongs to none."""
+    """Number of pixels of each part; the first is the number of pixels in none."""
     return np.bincount(parts.ravel())
 
 
 def _odd(width: float) -> int:
-    """The odd number next to a width (px): a kernel of an even one would move the silhouette."""
+    """The odd integer nearest to a width (px): an even kernel would shift the silhouette."""
     return 2 * round((width - 1) / 2) + 1

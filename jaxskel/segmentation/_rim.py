@@ -1,12 +1,12 @@
-"""The rim of a silhouette, where pixels show part of the person and part of the background."""
+"""The rim of a silhouette, where pixels mix the colours of person and background."""
 
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 
-# Lenses, codecs and motion mix colours over this far from an outline (px).
+# Lenses, codecs and motion mix colours up to this distance from an outline (px).
 _MIXED = 2
-# The person's colour beside a mixed pixel is that of the pure ones not farther than this (px).
+# The person's colour at a mixed pixel is estimated from pure pixels up to this distance away (px).
 _NEAR = 4
 _HALF = 0.5
 
@@ -16,16 +16,16 @@ def without_thin_air(
     seen: Float[np.ndarray, "h w 3"],
     expected: Float[np.ndarray, "h w 3"],
 ) -> Bool[np.ndarray, "h w"]:
-    """Take away the pixels of the rim that show less of the person than of the background.
+    """Remove pixels of the rim that show less of the person than of the background.
 
-    What differs from the background at all is found first: a tenth of the person in a pixel suffices for that, and
-    makes a silhouette too wide by a pixel all around. How much of a pixel is the person is told by its colour, between
-    the background's and that of the person beside it, as in matting.
+    The mask contains every pixel that differs from the background at all. A share of a tenth of the person is enough
+    for that, which makes a silhouette too wide by a pixel all around. As in matting, the person's share of a pixel
+    follows from its colour, between that of the background and that of the person nearby.
 
     Args:
-        mask: What differs (True = person).
+        mask: Pixels that differ from the background (True = person).
         seen: The image, in any linear colour space.
-        expected: The background alone, likewise.
+        expected: The background alone, in the same colour space.
     """
     raw = mask.astype(np.uint8)
     width = 2 * _MIXED + 1

@@ -1,4 +1,4 @@
-"""A scene that the package makes itself: body, motion, cameras, silhouettes and ground truth.
+"""Synthetic scenes with ground truth: body, motion, cameras and silhouettes (cf. the paper's Sect. 4.1).
 
 In: a number of frames and cameras. Out: a `Recording` with `Truth`.
 """

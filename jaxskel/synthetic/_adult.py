@@ -1,4 +1,4 @@
-"""People made up: bone lengths and flesh as adults have them."""
+"""Random adults: bodies with plausible bone lengths and flesh."""
 
 import numpy as np
 
@@ -6,14 +6,14 @@ from ..body import FLESH_FROM, QUANTITIES, Body, Shape, adults, adults_prior, de
 
 
 def draw_adult(seed: int, stature: float = 1.72) -> Body:
-    """Draw an adult at random, as adults differ (see [`adults`][jaxskel.body.adults]), the hands half closed.
+    """Draw a random adult body, with the hands half closed (see [`adults`][jaxskel.body.adults]).
 
     Args:
-        seed: Who it is.
+        seed: Seed of the random numbers.
         stature: Standing height (m).
 
     Returns:
-        The body; its ``skeleton`` has the dimensions.
+        The body (m); its ``skeleton`` has the dimensions.
     """
     template, table, rng = default_adult(), adults(), np.random.default_rng(seed)
     vector = adults_prior(template).mean.vector

@@ -1,18 +1,17 @@
-"""A body of plausible human volumes: tapered capsules around the bones and tips of a skeleton.
+"""A detailed body with plausible human volumes: tapered capsules around the bones and tips of a skeleton.
 
-A tapered capsule is the convex hull of two balls. Each of its ends is fixed to one rigid segment of the
-skeleton, so a capsule whose ends belong to different segments bridges the joint between them and stays closed
-when it bends.
+A tapered capsule is the convex hull of two balls. Each end is fixed to one rigid segment of the skeleton, so a capsule
+with ends on different segments bridges the joint between them and stays closed when the joint bends.
 """
 
 import numpy as np
 
 from ..body import JOINT_NAMES, PIVOT_NAMES, SEGMENT_NAMES, TIP_NAMES, Body, Skeleton, rest_origins
 
-# Cross sections of the trunk from seat to shoulders: segment, height as a fraction of the way from pelvis to
-# neck, shift to the front, distance of the outer balls from the middle, their radius and that of the middle
-# ball. Lengths are fractions of the stature; breadths and depths of the sections follow the tables of static
-# anthropometry (hip breadth 0.19, waist 0.16, chest 0.18, depth of the chest 0.12 of the stature).
+# Cross sections of the trunk from seat to shoulders: segment, height as a fraction of the way from pelvis to neck,
+# shift to the front, distance of the outer balls from the middle, their radius, radius of the middle ball. Lengths are
+# fractions of the stature; breadths and depths follow tables of static anthropometry (hip breadth 0.19, waist 0.16,
+# chest 0.18, depth of the chest 0.12 of the stature).
 _TRUNK = (
     ("pelvis", 0.00, -0.008, 0.040, 0.054, 0.052),
     ("pelvis", 0.16, -0.004, 0.037, 0.053, 0.054),
@@ -22,13 +21,13 @@ _TRUNK = (
     ("chest", 0.94, -0.007, 0.034, 0.035, 0.038),
 )
 TOE_CLEARANCE = 0.010
-"""Height of the tips of the toes over the sole, as a fraction of the stature."""
+"""Height of the toe tips above the sole, as a fraction of the stature."""
 
 End = tuple[str, np.ndarray, float]
 
 
 def detailed_body(skeleton: Skeleton) -> Body:
-    """Put flesh on a skeleton of any proportions: radii are fractions of its stature."""
+    """Make a body (m) for a skeleton of any proportions; radii are fractions of its stature."""
     rest: dict[str, np.ndarray] = dict(zip(JOINT_NAMES, np.asarray(skeleton.rest_joints, np.float64), strict=True))
     rest |= dict(zip(TIP_NAMES, np.asarray(skeleton.rest_tips, np.float64), strict=True))
     rest |= dict(zip(PIVOT_NAMES, np.asarray(skeleton.pivots, np.float64), strict=True))
@@ -54,7 +53,7 @@ def _side(side: str) -> float:
 
 
 def _trunk(rest: dict[str, np.ndarray], stature: float) -> list[tuple[End, End]]:
-    # Three columns side by side, because a trunk is half as deep as it is wide.
+    # Three columns of balls side by side, because a trunk is half as deep as it is wide.
     spine = rest["neck"] - rest["pelvis"]
     columns: list[tuple[End, End]] = []
     for side in (1.0, 0.0, -1.0):
@@ -93,7 +92,7 @@ def _arm(rest: dict[str, np.ndarray], stature: float, side: str) -> list[tuple[E
     shoulder, elbow, hand, tip = (rest[side + name] for name in ("shoulder", "elbow", "hand", "fingertip"))
     upper, lower, spine = elbow - shoulder, hand - elbow, rest["neck"] - rest["pelvis"]
     fingers = (tip - hand) / np.linalg.norm(tip - hand)
-    # The front edge of the hand, where the thumb is.
+    # Direction of the hand's front edge, where the thumb is.
     across = np.array([1.0, 0, 0]) - fingers * fingers[0]
     across = across / max(float(np.linalg.norm(across)), 1e-6) * stature
     outward = np.array([0.0, _side(side), 0.0]) * stature

@@ -1,7 +1,7 @@
-"""A motion of our own: twelve seconds of everyday and of difficult poses, by smooth joint angles.
+"""The built-in motion: twelve seconds of everyday and difficult poses, defined by smooth joint angles.
 
-Angles are zero when the person stands upright with the arms hanging. They go through their keys in time
-without overshoot (PCHIP), so knees and elbows never bend the wrong way between two keys that do not.
+All angles are zero when the person stands upright with the arms hanging. Angles are interpolated between keys without
+overshoot (PCHIP), so knees and elbows never bend the wrong way between two keys.
 """
 
 import numpy as np
@@ -11,11 +11,11 @@ from ..io.mocap import turn
 from ._anatomy import detailed_body
 
 DURATION = 12.0
-"""Length of the motion (s); it then starts again."""
+"""Length of the motion (s), after which it repeats."""
 
 Keys = tuple[tuple[float, int], ...]
 
-# Each angle by its keys (s, degrees); before the first and after the last it stays. The story:
+# Keys (s, degrees) of each angle, constant before the first and after the last. The poses, with times in s:
 # 0 A-pose, 1 walking on the spot, 3 waving, 4.6 arms sideways, 6 a turn with steps, 8 crane stand, 9.3
 # crouch, 10.7 hands on hips, 12 A-pose again.
 _KEYS: dict[str, Keys] = {
@@ -75,26 +75,26 @@ _KEYS: dict[str, Keys] = {
     ),
     "spread": ((9.2, 0), (9.9, 16), (10.1, 16), (10.7, 0)),
 }  # fmt: skip
-# A raised arm takes its collar bone along from this abduction on, by this share.
+# Above this abduction (rad), a raised arm turns its collar bone by this share of the excess.
 _COLLAR_FROM, _COLLAR_SHARE = np.deg2rad(40.0), 0.25
 
 
 def demo_motion(skeleton: Skeleton, frames: int = 60, fps: float = 5.0) -> Pose:
-    """Move a skeleton: A-pose, walk, wave, arms sideways, a turn, a crane stand, a crouch, hands on hips.
+    """Make a motion: A-pose, walk, wave, arms sideways, a turn, a crane stand, a crouch, hands on hips.
 
     Args:
-        skeleton: Any rest pose will do; the arms are turned from it.
-        frames: Number of frames. 60 at 5 frames a second show the whole motion once.
+        skeleton: Template (m), in any rest pose.
+        frames: Number of frames. 60 frames at 5 per second show the whole motion once.
         fps: Frames per second.
 
     Returns:
-        A stack of poses. World: z up, the floor at z = 0, facing +x at the start; metres. The feet stay in
-        their places while they carry the body.
+        A stack of poses (m). World: z up, the floor at z = 0, facing +x at the start. Feet that carry the body do not
+        slide.
     """
     if frames < 1 or not fps > 0:
         raise ValueError(f"frames = {frames} and fps = {fps}: give at least one frame and a positive frame rate")
     seconds = (np.arange(frames) / fps) % DURATION
-    from scipy.interpolate import PchipInterpolator  # takes a quarter of a second, and few make scenes
+    from scipy.interpolate import PchipInterpolator  # takes a quarter of a second to import, and only scenes need it
 
     angle = {name: np.deg2rad(PchipInterpolator(*_tails(keys))(seconds)) for name, keys in _KEYS.items()}
     rotations = _rotations(skeleton, angle)
@@ -107,7 +107,7 @@ def _tails(keys: Keys) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _rotations(skeleton: Skeleton, angle: dict[str, np.ndarray]) -> np.ndarray:
-    """Segment rotations from joint angles. In the body frame x is front, y left, z up."""
+    """Segment rotations from joint angles (rad). Body frame: x front, y left, z up."""
     turned: dict[str, np.ndarray] = {}
     turned["pelvis"] = turn("z", angle["turn"]) @ turn("x", angle["tilt"]) @ turn("y", angle["lean"])
     turned["chest"] = turned["pelvis"] @ turn("y", angle["chest_bend"]) @ turn("z", angle["chest_twist"])
@@ -130,18 +130,18 @@ def _rotations(skeleton: Skeleton, angle: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def _hanging(skeleton: Skeleton, start: str, end: str) -> np.ndarray:
-    """Rotation that lets a bone of the arm at rest hang down, its front still to the front."""
+    """Rotation from rest to a hanging bone of the arm, whose front keeps facing the front."""
     joints = np.asarray(skeleton.rest_joints, np.float64)
     bone = joints[JOINT_NAMES.index(end)] - joints[JOINT_NAMES.index(start)]
     up = -bone / np.linalg.norm(bone)
     left = np.cross(up, [1.0, 0.0, 0.0])
     left /= np.linalg.norm(left)
-    # Rows: the rest directions that become x, y and z.
+    # Rows: the rest directions that are mapped to x, y and z.
     return np.stack([np.cross(left, up), left, up])
 
 
 def _stand(skeleton: Skeleton, rotations: np.ndarray, facing: np.ndarray) -> np.ndarray:
-    """Pelvis positions that put the body's lowest point on the floor and leave the carrying feet in place."""
+    """Pelvis positions (m) that put the body's lowest point on the floor and keep the carrying feet in place."""
     ends, radii = place_body(detailed_body(skeleton), Pose(np.zeros((len(rotations), 3)), rotations))
     joints, tips = (
         np.asarray(x, np.float64) for x in place_joints(skeleton, Pose(np.zeros((len(rotations), 3)), rotations))
@@ -149,10 +149,10 @@ def _stand(skeleton: Skeleton, rotations: np.ndarray, facing: np.ndarray) -> np.
     balls = joints[:, [JOINT_NAMES.index("l_foot"), JOINT_NAMES.index("r_foot")]]
     toes = tips[:, [TIP_NAMES.index("l_toetip"), TIP_NAMES.index("r_toetip")]]
     low = np.minimum(balls[..., 2], toes[..., 2])
-    # A foot that is lifted by more than some 2 cm carries nothing.
+    # A foot more than about 2 cm above the other carries no weight.
     weight = np.exp((low.min(1, keepdims=True) - low) / 0.02)
     weight /= weight.sum(1, keepdims=True)
-    # Where the feet stand, turning with the body as if on the spot.
+    # Positions of the standing feet, rotating with the body on the spot.
     rest = np.asarray(skeleton.rest_joints)[[JOINT_NAMES.index("l_foot"), JOINT_NAMES.index("r_foot")]]
     places = np.einsum("fij,kj->fki", turn("z", facing), rest)
     root = np.einsum("fk,fki->fi", weight, places - balls)

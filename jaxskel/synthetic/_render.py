@@ -1,4 +1,4 @@
-"""Exact silhouettes of tapered capsules: a pixel is person if the ray of its centre meets one of them."""
+"""Exact silhouettes of tapered capsules: a pixel is foreground if the ray of its centre meets a capsule."""
 
 from collections.abc import Callable
 
@@ -20,13 +20,13 @@ class View(eqx.Module):
     directions: Float[np.ndarray, "h w 3"]
     """Unit viewing directions in the world; NaN where the lens sees nothing."""
     columns: Float[np.ndarray, "2 w"]
-    """Least and greatest x / z in the camera that each column of pixels sees."""
+    """Smallest and largest x / z in camera coordinates that each column of pixels sees."""
     rows: Float[np.ndarray, "2 h"]
-    """Least and greatest y / z in the camera that each row of pixels sees."""
+    """Smallest and largest y / z in camera coordinates that each row of pixels sees."""
 
 
 def make_view(cameras: Cameras, index: int) -> View:
-    """Trace the pixel centres of one camera, with its skew and distortion."""
+    """Compute the viewing rays of one camera's pixel centres, with its skew and distortion."""
     width, height = (int(n) for n in cameras.size[index])
     v, u = np.mgrid[:height, :width]
     directions = rays(cameras, index, np.stack([u.ravel(), v.ravel()], -1).astype(np.float64))
@@ -47,7 +47,7 @@ def make_view(cameras: Cameras, index: int) -> View:
 def render_view(
     view: View, ends: Float[np.ndarray, "capsules 2 3"], radii: Float[np.ndarray, "capsules 2"]
 ) -> Bool[np.ndarray, "h w"]:
-    """Draw the silhouette of one frame in one view.
+    """Render the silhouette of one frame in one view.
 
     Args:
         view: The rays of the camera.
@@ -75,7 +75,7 @@ def render(
     radii: Float[np.ndarray, "capsules 2"],
     on_frame: Callable[[int], None] | None = None,
 ) -> UInt8[np.ndarray, "frames cams h w8"]:
-    """Draw the silhouettes of all frames in all views, packed as a `Recording` holds them.
+    """Render the silhouettes of all frames in all views, packed as in a `Recording`.
 
     Args:
         cameras: The rig. Images of different sizes are padded with background to the largest.
@@ -98,12 +98,12 @@ def render(
 
 
 def _meets(directions: np.ndarray, start: np.ndarray, axis: np.ndarray, radius: float, growth: float) -> np.ndarray:
-    """Whether half lines from the origin meet a ball of radius ``radius + s growth`` at ``start + s axis``.
+    """Whether half lines from the origin meet a ball of radius ``radius + s growth`` at ``start + s axis``, s in 0..1.
 
-    The squared distance of the axis point s to a line, less the squared radius there, is the quadratic
-    ``a s^2 + 2 b s + c``: the line meets the capsule if it falls to zero for some s between 0 and 1. A half
-    line ends at the camera, so it is asked of those s only whose axis points lie ahead; the balls behind can
-    reach the ray only by holding the camera itself.
+    The squared distance of the axis point s to a line, minus the squared radius there, is the quadratic
+    ``a s^2 + 2 b s + c``: the line meets the capsule if it is at most zero for some s. A half line ends at the camera,
+    so only axis points ahead of the camera are considered; balls behind can meet the ray only if they contain the
+    camera.
     """
     along = directions @ np.stack([start, axis], -1).astype(np.float32)
     ahead, advance = along[..., 0], along[..., 1]
@@ -129,16 +129,16 @@ def _meets(directions: np.ndarray, start: np.ndarray, axis: np.ndarray, radius: 
 def _reaches_zero(
     a: np.ndarray, b: np.ndarray, c: np.ndarray, low: np.ndarray | float, high: np.ndarray | float
 ) -> np.ndarray:
-    """Whether ``a s^2 + 2 b s + c <= 0`` for some s from `low` to `high`: at an end or the lowest point."""
+    """Whether ``a s^2 + 2 b s + c <= 0`` for some s from `low` to `high`, tested at both ends and at the minimum."""
     at_ends = ((a * low + 2 * b) * low + c <= 0) | ((a * high + 2 * b) * high + c <= 0)
     return at_ends | ((a > 0) & (-b > low * a) & (-b < high * a) & (b * b >= a * c))
 
 
 def _rectangles(view: View, from_camera: np.ndarray, radii: np.ndarray) -> np.ndarray:
-    """Rows and columns (top, bottom, left, right) outside of which no ray can meet each capsule.
+    """Rectangle of pixels (top, bottom, left, right) for each capsule, outside of which no ray meets it.
 
-    The slopes x / z and y / z of a capsule lie between those of the tangents to its end balls. Comparing them
-    with the slopes seen by whole rows and columns of pixels needs no projection, so it holds for every lens.
+    The slopes x / z and y / z of a capsule lie between those of the tangents to its end balls. Comparing them with the
+    slopes seen by whole rows and columns of pixels needs no projection, so it is valid for every lens.
     """
     x, y, z = np.moveaxis(from_camera @ view.rotation.T, -1, 0)
     partly_behind = (z - radii < 1e-6).any(-1)
@@ -148,8 +148,8 @@ def _rectangles(view: View, from_camera: np.ndarray, radii: np.ndarray) -> np.nd
         half = np.arcsin(np.minimum(radii / np.maximum(away, 1e-9), 1.0))
         angle = np.arctan2(value, z)
         low, high = np.tan((angle - half).min(-1)), np.tan((angle + half).max(-1))
-        # Slack for float32 rays; a capsule around the camera's plane has no tangents, so all pixels are
-        # asked.
+        # The slack covers float32 rays. A capsule that crosses the camera's plane has no tangents, so it gets all
+        # pixels.
         low = np.where(partly_behind, -np.inf, low - 1e-6)
         high = np.where(partly_behind, np.inf, high + 1e-6)
         touched = (seen[1] >= low[:, None]) & (seen[0] <= high[:, None])

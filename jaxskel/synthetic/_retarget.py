@@ -1,4 +1,4 @@
-"""Let a skeleton of ours act a captured motion: its bones take the directions of the captured ones."""
+"""Retargeting of captured motion to a skeleton: its bones take the directions of the captured bones."""
 
 import numpy as np
 from jaxtyping import Float
@@ -9,8 +9,8 @@ from ..io.mocap import Motion
 from ..recording import rotation_to_z_up
 from ._anatomy import TOE_CLEARANCE
 
-# The joints by their names in the files, {} standing for the prefix of the side. Where two names are given
-# the joint is halfway between them; where a second entry follows it is used if the first is not complete.
+# Names of the joints in motion files; {} is the prefix of the side. With two names, the joint is the midpoint between
+# them; with several entries, the first complete one is used.
 _Names = dict[str, tuple[tuple[str, ...], ...]]
 _ACCLAIM: _Names = {
     "pelvis": (("root",),), "neck": (("thorax",),), "head": (("upperneck", "head"), ("head",)),
@@ -30,19 +30,19 @@ _BIOVISION: _Names = {
     "hip": (("{}Hip",),), "knee": (("{}Knee",),), "foot": (("{}Toe",), ("{}Ankle_End",), ("{}Ankle",)),
 }  # fmt: skip
 _TABLES = ((_ACCLAIM, ("l", "r")), (_MOTIONBUILDER, ("Left", "Right")), (_BIOVISION, ("Left", "Right")))
-# Sine of the bend from which on a knee or an elbow shows how the limb is turned about itself.
+# Sine of the bend above which a knee or an elbow fully determines the twist of the limb.
 _SURE_BEND = 0.4
 _AT = {name: i for i, name in enumerate(JOINT_NAMES)}
 
 
 def find_joints(motion: Motion) -> Float[np.ndarray, "frames joints=15 3"]:
-    """The 15 joints of our skeleton in a captured motion, by their names, in its own world (m).
+    """The 15 joints of the skeleton in a captured motion, found by name, in the world of the motion (m).
 
-    Knows the names of the CMU database's ASF files and of common BVH files (MotionBuilder, also with a prefix
+    Knows the names in the CMU database's ASF files and in common BVH files (MotionBuilder, also with a prefix
     such as ``mixamorig:``, and Biovision).
 
     Raises:
-        ValueError: Some are missing; the message lists them.
+        ValueError: Joints are missing; the message lists them.
     """
     index = {name.rpartition(":")[2]: i for i, name in reversed(list(enumerate(motion.names)))}
     best: list[str] | None = None
@@ -70,22 +70,22 @@ def _options(table: _Names, prefixes: tuple[str, str], joint: str) -> list[tuple
 
 
 def retarget(motion: Motion, skeleton: Skeleton) -> Pose:
-    """Let a skeleton act a captured motion.
+    """Transfer a captured motion to a skeleton.
 
-    The bones that end in elbows, hands, knees and feet take the captured directions exactly. Pelvis, chest,
-    head and collar bones turn as much as the captured ones have turned since their pose at rest, because the
-    files place the neck and the hips at other heights of the trunk than we do.
+    The bones that end in elbows, hands, knees and feet take the captured directions exactly. Pelvis, chest, head and
+    collar bones take the captured rotations relative to the rest pose, because the files place the neck and the hips
+    at other heights of the trunk.
 
     Args:
-        motion: The clip, from `read_asf_amc` or `read_bvh`. At rest it stands upright.
-        skeleton: The skeleton that shall act it.
+        motion: The clip, from `read_asf_amc` or `read_bvh`, with an upright rest pose.
+        skeleton: The skeleton to move (m).
 
     Returns:
-        A stack of poses, one a frame. World: z up, metres, the floor at z = 0. The path of the pelvis is
-        scaled by the length of the legs; the lower foot is as high over the floor as the captured one.
+        A stack of poses, one for each frame (m). World: z up, the floor at z = 0. The path of the pelvis is scaled by
+        the ratio of leg lengths; the height of the lower foot above the floor is the captured one, scaled.
 
     Raises:
-        ValueError: Joints are missing, or two that a bone joins coincide.
+        ValueError: Joints are missing, or two joints of one bone coincide.
     """
     at_rest = Motion(motion.names, motion.parents, motion.rest[None], motion.rest, motion.fps, motion.up)
     to_z_up = rotation_to_z_up(motion.up).T
@@ -118,11 +118,11 @@ def retarget(motion: Motion, skeleton: Skeleton) -> Pose:
 
 
 def _trunk(joints: np.ndarray, bones: np.ndarray) -> dict[str, np.ndarray]:
-    """Axes that are fixed to each segment of the trunk, as columns."""
+    """Axes fixed to each segment of the trunk, as columns."""
     spine, head = bones[:, _AT["neck"]], bones[:, _AT["head"]]
     hips = joints[:, _AT["l_hip"]] - joints[:, _AT["r_hip"]]
     shoulders = joints[:, _AT["l_shoulder"]] - joints[:, _AT["r_shoulder"]]
-    # Left times up is front.
+    # The cross product of left and up is front.
     axes = {
         "pelvis": _frames(hips, np.cross(hips, spine)),
         "chest": _frames(spine, np.cross(shoulders, spine)),
@@ -133,7 +133,7 @@ def _trunk(joints: np.ndarray, bones: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _facing(joints: np.ndarray) -> np.ndarray:
-    """Front, left and up of a body that stands upright, as columns."""
+    """Front, left and up of an upright body, as columns."""
     left = (joints[0, _AT["l_hip"]] - joints[0, _AT["r_hip"]]) * [1.0, 1.0, 0.0]
     if np.linalg.norm(left) < 1e-6:
         raise ValueError("the motion has no left and right hip beside each other at rest; does its up axis hold?")
@@ -143,7 +143,7 @@ def _facing(joints: np.ndarray) -> np.ndarray:
 
 
 def _unit_bones(joints: np.ndarray, what: str) -> np.ndarray:
-    """Unit direction of the bone that ends in each joint; that of the pelvis is zero."""
+    """Unit direction of the bone that ends in each joint; zero for the pelvis."""
     vectors = joints - joints[:, [max(parent, 0) for parent in JOINT_PARENTS]]
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
     short = lengths[:, 1:, 0] < 1e-6
@@ -155,10 +155,10 @@ def _unit_bones(joints: np.ndarray, what: str) -> np.ndarray:
 
 
 def _frames(along: np.ndarray, front: np.ndarray) -> np.ndarray:
-    """Orthonormal axes as columns: along a bone, and to its front as far as that is across the bone."""
+    """Orthonormal axes as columns: along a bone, then the part of `front` that is perpendicular to the bone."""
     first = along / np.linalg.norm(along, axis=-1, keepdims=True)
     across = front - first * (first * front).sum(-1, keepdims=True)
-    # Where bone and front coincide any turn about the bone is as good.
+    # If bone and front coincide, any perpendicular axis will do.
     spare = np.cross(first, np.eye(3)[np.abs(first).argmin(-1)])
     across = np.where(np.linalg.norm(across, axis=-1, keepdims=True) > 1e-6, across, spare)
     second = across / np.linalg.norm(across, axis=-1, keepdims=True)
@@ -166,11 +166,11 @@ def _frames(along: np.ndarray, front: np.ndarray) -> np.ndarray:
 
 
 def _hinge(first: np.ndarray, second: np.ndarray, front: np.ndarray, bend: float) -> np.ndarray:
-    """Axis ``a`` of a limb's hinge joint, such that ``a`` times bone is the front of that bone.
+    """Axis ``a`` of a limb's hinge joint, such that the cross product of ``a`` and a bone is the bone's front.
 
-    An elbow bends to the front of the arm (`bend` 1), a knee to the back of the leg (-1). A limb that is
-    nearly straight, or seems bent the wrong way as a straight leg does at the ball of its foot, is turned
-    with its parent instead.
+    An elbow bends to the front of the arm (`bend` 1), a knee to the back of the leg (-1). A limb that is nearly
+    straight, or seems bent the wrong way (as a straight leg does at the ball of its foot), takes its front from
+    its parent instead.
     """
     by_parent = np.cross(first, front)
     by_bend = bend * np.cross(first, second)
@@ -185,7 +185,7 @@ def _root(skeleton: Skeleton, joints: np.ndarray, rotations: np.ndarray) -> np.n
     """The path of the pelvis in the world (m)."""
 
     def leg(of: np.ndarray) -> float:
-        # Bone lengths are constant, so the first frame tells.
+        # Bone lengths are constant, so the first frame is enough.
         ends = [of[0, [_AT[side + name] for name in ("hip", "knee", "foot")]] for side in ("l_", "r_")]
         return float(np.mean([np.linalg.norm(np.diff(end, axis=0), axis=-1).sum() for end in ends]))
 

@@ -1,4 +1,4 @@
-"""A recording made from nothing: a ring of cameras around a moving body, with its ground truth."""
+"""A synthetic recording: a ring of cameras around a moving body, with ground truth."""
 
 from collections.abc import Callable
 
@@ -13,7 +13,7 @@ from ._render import render
 
 
 def look_at(centre: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """R and t of a camera at `centre` that looks at `target` with its horizon level (world z up, m)."""
+    """R and t (world to camera, m) of a camera at `centre` that looks at `target` with its horizon level (z up)."""
     forward = (target - centre) / np.linalg.norm(target - centre)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     if np.linalg.norm(right) < 1e-6:
@@ -30,15 +30,15 @@ def camera_ring(
     heights: tuple[float, ...] = (1.3, 2.5),
     volume: tuple[float, float] = (1.9, 2.2),
 ) -> Cameras:
-    """Cameras evenly around the working volume, looking at its middle.
+    """Cameras at equal angles around the working volume, looking at its middle.
 
     Args:
         count: Number of cameras.
         radius: Distance of the cameras from the vertical axis through the origin (m).
         size: Width and height of the images (px).
-        heights: Heights above the floor, taken in turn (m).
-        volume: Diameter and height of the upright cylinder on the floor that every image shows whole (m). The
-            focal length is the greatest that does.
+        heights: Heights above the floor, assigned to the cameras in turn (m).
+        volume: Diameter and height of an upright cylinder on the floor that is fully visible in every image (m). The
+            focal length is the largest that achieves this.
 
     Raises:
         ValueError: The cameras would stand inside the volume.
@@ -59,7 +59,7 @@ def camera_ring(
     seen = rim @ R.swapaxes(-1, -2) + t[:, None]
     slopes = np.abs(seen[..., :2] / seen[..., 2:]).max((0, 1))
     principal = (np.array(size) - 1) / 2
-    # A margin of two pixels keeps the outline off the edge of the image.
+    # A margin of two pixels keeps the outlines off the edge of the image.
     focal = float(((principal - 2) / slopes).min())
     K = np.array([[focal, 0.0, principal[0]], [0.0, focal, principal[1]], [0.0, 0.0, 1.0]])
     return make_cameras(np.broadcast_to(K, (count, 3, 3)), R, t, size)
@@ -73,14 +73,14 @@ def make_scene(
     motion: Pose | None = None,
     on_frame: Callable[[int], None] | None = None,
 ) -> Recording:
-    """Film a person made of tapered capsules.
+    """Render silhouettes of a moving person made of tapered capsules.
 
     Args:
         frames: Number of frames of the built-in motion; unused if a motion is given.
         fps: Frames per second.
         cameras: The rig, in a world with z up and the floor at z = 0; a ring of eight by default.
         skeleton: The person's dimensions; an average adult by default.
-        motion: A stack of poses of this skeleton, as from `demo_motion` (the default) or `retarget`.
+        motion: A stack of poses of this skeleton, such as `demo_motion` (the default) or `retarget` return.
         on_frame: Called with the number of frames done after each frame, to show progress.
 
     Returns:

@@ -13,9 +13,13 @@ from ..graph import SkeletalGraph
 from ..hull import VisualHulls
 from ..matching import Limbs
 from ..pipeline import Prepared, Settings, observe_batch, reconstruct_batch
+from ..poses import Poses
 from ..recording import Recording, unpack_silhouettes
 from ._overlays import draw_silhouette, tile
 
+# Left minus right of these joints is to the left of the person; 25 degrees aside show depth and still hide no limb.
+_ACROSS = ("hip", "shoulder")
+_ASIDE = 25.0
 _COLOURS = {"l_": "#d9342b", "r_": "#2b6cd9", "": "#2e8b40"}
 _LABELS = ("head", "left hand", "right hand", "left foot", "right foot")
 
@@ -42,6 +46,20 @@ def stages_of(recording: Recording, prepared: Prepared, settings: Settings, fram
     )
 
 
+def telling_frame(poses: Poses) -> int:
+    """The frame with a pose whose hands are farthest from the trunk: there, hull and graph show every limb.
+
+    Raises:
+        ValueError: No frame has a pose.
+    """
+    if not poses.has_pose.any():
+        raise ValueError("no frame has a pose: there is none to show")
+    joints = {name: poses.joints[:, number] for number, name in enumerate(JOINT_NAMES)}
+    middle = (joints["pelvis"] + joints["neck"]) / 2
+    nearer = np.minimum(*(np.linalg.norm(joints[hand] - middle, axis=-1) for hand in ("l_hand", "r_hand")))
+    return int(np.argmax(np.where(poses.has_pose, nearer * poses.confidence.min(1), -1.0)))
+
+
 def plot_stages(recording: Recording, prepared: Prepared, settings: Settings, frame: int, path: str | Path) -> None:
     """Draw silhouettes, hull, skeletal graph, labelled end nodes and skeleton of one frame side by side."""
     stages = stages_of(recording, prepared, settings, frame)
@@ -56,12 +74,13 @@ def plot_stages(recording: Recording, prepared: Prepared, settings: Settings, fr
     flat.set_axis_off()
     flat.set_title("silhouettes")
     points = stages.hull.centres[stages.hull.inside[0]]
+    azimuth = _azimuth_before(stages.joints)
     low, high = points.min(0), points.max(0)
     for i, title in enumerate(("visual hull", "skeletal graph", "labelled nodes", "skeleton")):
         axes = figure.add_axes((0.2 + 0.2 * i, 0.0, 0.2, 0.92), projection="3d")
         axes.set_title(title)
         axes.set_axis_off()
-        axes.view_init(elev=8, azim=-60)  # pyright: ignore[reportAttributeAccessIssue]
+        axes.view_init(elev=8, azim=azimuth)  # pyright: ignore[reportAttributeAccessIssue]
         shown = points if i == 0 else points[::5]
         shade = 0.35 + 0.5 * (shown[:, 1] - low[1]) / (high[1] - low[1]) if i == 0 else np.full(len(shown), 0.85)
         axes.computed_zorder = False  # pyright: ignore[reportAttributeAccessIssue]
@@ -70,6 +89,15 @@ def plot_stages(recording: Recording, prepared: Prepared, settings: Settings, fr
         _draw(axes, i, stages)
         axes.set_box_aspect(high - low, zoom=1.15)  # pyright: ignore[reportArgumentType, reportCallIssue]
     write_figure(path, figure, dpi=110)
+
+
+def _azimuth_before(joints: np.ndarray) -> float:
+    """From where a person is seen from the front, a little from the side (degrees); from anywhere without a pose."""
+    if not np.isfinite(joints).all():
+        return -60.0
+    left = sum(joints[JOINT_NAMES.index("l_" + name)] - joints[JOINT_NAMES.index("r_" + name)] for name in _ACROSS)
+    front = np.cross(left, [0.0, 0.0, 1.0])
+    return float(np.degrees(np.arctan2(front[1], front[0]))) + _ASIDE
 
 
 def _cropped(mask: np.ndarray) -> np.ndarray:

@@ -1,6 +1,6 @@
-"""How a pose is written as unknowns of a least squares problem, so that bone lengths hold (Sect. 3.3).
+"""Parametrisations: how a pose is written as unknowns of a least squares problem with bone lengths kept (Sect. 3.3).
 
-In: a pose. Out: unknowns around it, and the placed body that they stand for.
+In: a pose. Out: unknowns relative to it, and the placed body for given unknowns.
 """
 
 from ._base import JointRotations as JointRotations

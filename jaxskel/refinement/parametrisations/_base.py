@@ -1,4 +1,4 @@
-"""What a parametrisation is: how the refinement writes the skeleton of one frame as unknowns."""
+"""Interface of a parametrisation: how the refinement writes the skeleton of one frame as unknowns."""
 
 from typing import Any, Protocol, runtime_checkable
 
@@ -12,66 +12,66 @@ from ..terms import PlacedBody, place
 
 @runtime_checkable
 class Parametrisation(Protocol):
-    """Writes the skeleton of one frame relative to a base, which may be any tree of arrays."""
+    """Writes the skeleton of one frame relative to a base, which may be any tree of arrays. World coordinates (m)."""
 
     def begin(self, pose: Pose, skeleton: Skeleton) -> Any:
-        """The base that stands for a pose."""
+        """The base for a pose."""
         ...
 
     def unknowns(self) -> Float[Array, " unknowns"]:
-        """The unknowns of any base: zeros."""
+        """The unknowns at any base: zeros."""
         ...
 
     def retract(self, unknowns: Float[Array, " unknowns"], base: Any, skeleton: Skeleton) -> Any:
-        """The base that the unknowns lead to."""
+        """The new base after a change by the unknowns."""
         ...
 
     def placed(self, base: Any, skeleton: Skeleton) -> PlacedBody:
-        """The skeleton in the world."""
+        """The skeleton in the world (m)."""
         ...
 
     def reached(self, unknowns: Float[Array, " unknowns"], base: Any, skeleton: Skeleton) -> PlacedBody:
-        """The skeleton in the world that the unknowns lead to: `placed` after `moved`, for solvers to differentiate."""
+        """The skeleton in the world after `retract` by the unknowns; solvers differentiate this function."""
         ...
 
     def constraint_residuals(self, base: Any, skeleton: Skeleton) -> dict[str, Float[Array, "..."]]:
-        """Weighted residuals of what is not exact by itself, by name; they join those of the objective."""
+        """Weighted residuals of constraints that hold only approximately, by name; added to those of the objective."""
         ...
 
     def settled(self, base: Any, skeleton: Skeleton) -> Any:
-        """The base for the next round, after a solve."""
+        """The base for the next round, computed after a solve."""
         ...
 
     def pose(self, base: Any, skeleton: Skeleton) -> Pose:
-        """The pose; with lengths that are not the template's, it places only nearly the same joints."""
+        """The pose of the base; if bone lengths differ from the template's, it reproduces the joints approximately."""
         ...
 
 
 class JointRotations(eqx.Module):
-    """What parametrisations have in common whose base is the pose itself: lengths are exact, nothing else is held."""
+    """Common part of parametrisations whose base is the pose itself: bone lengths are exact, with no constraints."""
 
     def begin(self, pose: Pose, skeleton: Skeleton) -> Pose:
-        """The pose."""
+        """The pose itself."""
         return pose
 
     def unknowns(self) -> Float[Array, " unknowns"]:
-        """The unknowns of the base pose: zeros."""
+        """The unknowns at the base pose: zeros."""
         raise NotImplementedError
 
     def retract(self, unknowns: Float[Array, " unknowns"], base: Pose, skeleton: Skeleton) -> Pose:
-        """The pose that the unknowns stand for."""
+        """The pose after a change by the unknowns."""
         raise NotImplementedError
 
     def placed(self, base: Pose, skeleton: Skeleton) -> PlacedBody:
-        """The skeleton in the world."""
+        """The skeleton in the world (m)."""
         return place(skeleton, base)
 
     def reached(self, unknowns: Float[Array, " unknowns"], base: Pose, skeleton: Skeleton) -> PlacedBody:
-        """The skeleton in the world that the unknowns lead to."""
+        """The skeleton in the world (m) after a change by the unknowns."""
         return self.placed(self.retract(unknowns, base, skeleton), skeleton)
 
     def constraint_residuals(self, base: Pose, skeleton: Skeleton) -> dict[str, Float[Array, "..."]]:
-        """Nothing."""
+        """None: bone lengths are exact."""
         return {}
 
     def settled(self, base: Pose, skeleton: Skeleton) -> Pose:
@@ -84,7 +84,7 @@ class JointRotations(eqx.Module):
 
 
 def perpendicular(direction: Float[Array, "n 3"]) -> tuple[Float[Array, "n 3"], Float[Array, "n 3"]]:
-    """Two unit vectors across each unit vector (Duff et al. 2017, without the branch)."""
+    """Two unit vectors perpendicular to each unit vector and each other (Duff et al. 2017, without the branch)."""
     x, y, z = direction.T
     sign = jnp.where(z >= 0, 1.0, -1.0)
     a = -1.0 / (sign + z)

@@ -1,4 +1,4 @@
-"""Joint rotations with as few unknowns as move a joint."""
+"""Joint rotations with the fewest unknowns that can move every joint."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -8,10 +8,10 @@ from ..._math.rotations import turned
 from ...body import JOINT_PARENTS, SEGMENT_OF_JOINT, SEGMENT_OF_PIVOT, SEGMENT_PARENTS, Pose, Skeleton
 from ._base import JointRotations, perpendicular
 
-# The trunk turns freely, so that its twist can follow hips and shoulders; the twist of another bone moves no joint.
+# Trunk segments turn freely, because their twist moves hips and shoulders; the twist of other bones moves no joint.
 _FREE = (0, 1)
 _BONES = tuple(range(2, 13))
-# Hands and feet turn with forearms and shanks: the segments whose turn each segment takes.
+# The segment whose rotation each segment takes: hands and feet turn with forearms and shanks.
 _TURNS = (*range(13), *(SEGMENT_PARENTS[s] for s in SEGMENT_OF_PIVOT))
 _JOINT_OF_BONE = tuple(SEGMENT_OF_JOINT.index(s) for s in _BONES)
 
@@ -20,16 +20,16 @@ class ExactBones(JointRotations):
     """Joint rotations: bone lengths are exactly those of the template.
 
     31 unknowns: 3 for the position of the pelvis (m), 3 each for the rotation of pelvis and chest, 2 for the
-    direction of each other bone (rad), in the plane across the bone of the base pose. Hands and feet turn with
+    direction of each other bone (rad), about axes perpendicular to the bone of the base pose. Hands and feet turn with
     forearms and shanks.
     """
 
     def unknowns(self) -> Float[Array, " unknowns"]:
-        """The unknowns of the base pose: zeros."""
+        """The unknowns at the base pose: zeros."""
         return jnp.zeros(3 + 3 * len(_FREE) + 2 * len(_BONES))
 
     def retract(self, unknowns: Float[Array, " unknowns"], base: Pose, skeleton: Skeleton) -> Pose:
-        """The pose that the unknowns stand for."""
+        """The pose after a change by the unknowns."""
         free = unknowns[3 : 3 + 3 * len(_FREE)].reshape(-1, 3)
         across = unknowns[3 + 3 * len(_FREE) :].reshape(-1, 2)
         joint = np.array(_JOINT_OF_BONE)

@@ -1,4 +1,4 @@
-"""A chain of joints as a body has them."""
+"""Joint rotations with the degrees of freedom of a human body."""
 
 from functools import partial
 from typing import Any
@@ -15,13 +15,13 @@ from ..terms import PlacedBody
 from ._base import JointRotations, perpendicular
 from ._motion import Motion
 
-# Shoulder blades and hands do not twist; elbows and knees are hinges; everything else turns freely.
+# Shoulder blades and hands do not twist; elbows and knees are hinges; all other segments turn freely.
 _ACROSS = np.array([SEGMENT_NAMES.index(n) for n in ("l_clavicle", "r_clavicle", "l_hand", "r_hand")], np.int32)
 _HINGES = np.array([SEGMENT_NAMES.index(n) for n in ("l_forearm", "r_forearm", "l_shank", "r_shank")], np.int32)
 _HINGE_PARENTS = np.array(SEGMENT_PARENTS, np.int32)[_HINGES]
 _TURNING = np.setdiff1d(np.arange(len(SEGMENT_NAMES), dtype=np.int32), np.concatenate([_ACROSS, _HINGES]))
 _ORDER = np.argsort(np.concatenate([_TURNING, _ACROSS, _HINGES])).astype(np.int32)
-# How many unknowns each segment has, and where they are.
+# Number of unknowns of each segment, and their indices.
 _COUNTS = np.full(len(SEGMENT_NAMES), 3, np.int32)
 _COUNTS[_ACROSS], _COUNTS[_HINGES] = 2, 1
 _FREE_AT, _ACROSS_AT, _HINGES_AT = (
@@ -31,7 +31,7 @@ _FREE_AT, _ACROSS_AT, _HINGES_AT = (
 
 
 def _levels() -> list[tuple[np.ndarray, np.ndarray]]:
-    """Segments by the number of segments that they hang on, with their parents, from the trunk outwards."""
+    """Segments with their parents, grouped by depth in the kinematic tree, from the trunk outwards."""
     depth = [0]
     for parent in SEGMENT_PARENTS[1:]:
         depth.append(depth[parent] + 1)
@@ -40,7 +40,7 @@ def _levels() -> list[tuple[np.ndarray, np.ndarray]]:
 
 
 def _hangs_on() -> Float[np.ndarray, "segments=17 segments=17"]:
-    """Which segments each segment hangs on, itself among them."""
+    """One where a segment (row) equals or descends from another (column), else zero."""
     chain = np.eye(len(SEGMENT_NAMES), dtype=np.float32)
     for segment, parent in enumerate(SEGMENT_PARENTS[1:], 1):
         chain[segment] += chain[parent]
@@ -48,7 +48,7 @@ def _hangs_on() -> Float[np.ndarray, "segments=17 segments=17"]:
 
 
 def _axis_of_each() -> np.ndarray:
-    """Of the axes of the world, then those across the bones, first and second, then the hinges: each unknown's."""
+    """Axis of each unknown: world axes, then first and second axes across the bones, then hinge axes."""
     axes = np.empty(int(_COUNTS.sum()), np.int32)
     axes[_FREE_AT] = np.arange(3)
     axes[_ACROSS_AT] = 3 + np.arange(2 * len(_ACROSS)).reshape(2, -1).T
@@ -58,52 +58,52 @@ def _axis_of_each() -> np.ndarray:
 
 _LEVELS = _levels()
 _HANGS_ON = _hangs_on()
-# Of each unknown but the first three.
+# For each unknown but the first three (the translation): its axis and its segment.
 _AXES = _axis_of_each()
 _SEGMENTS = np.repeat(np.arange(len(_COUNTS), dtype=np.int32), _COUNTS)
 
 
 class HingedLimbs(JointRotations):
-    """A chain of joints as a body has them: each segment turns relative to the one that it hangs on.
+    """Joint rotations of a human body: each segment turns relative to its parent; bone lengths are exact.
 
     42 unknowns: 3 for the position of the pelvis (m), then, segment by segment (rad), 3 for pelvis, chest, head, upper
-    arms, thighs and feet, 2 across the bone for shoulder blades and hands, 1 for the flexion of elbows and knees. What
-    the base pose has of a bend to the side in elbow or knee stays.
+    arms, thighs and feet, 2 across the bone for shoulder blades and hands, 1 for the flexion of elbows and knees. A
+    sideways bend of elbow or knee in the base pose stays as it is.
     """
 
     def unknowns(self) -> Float[Array, " unknowns"]:
-        """The unknowns of the base pose: zeros."""
+        """The unknowns at the base pose: zeros."""
         return jnp.zeros(3 + int(_COUNTS.sum()))
 
     def retract(self, unknowns: Float[Array, " unknowns"], base: Pose, skeleton: Skeleton) -> Pose:
-        """The pose that the unknowns stand for."""
-        # What turns a segment turns all that hang on it.
+        """The pose after a change by the unknowns."""
+        # A segment's rotation also rotates its descendants.
         whole = exponential(self._turns(unknowns, base, skeleton))
         for level, parents in _LEVELS:
             whole = whole.at[level].set(_product(whole[parents], whole[level]))
         return Pose(base.root + unknowns[:3], _product(whole, jnp.asarray(base.rotations)))
 
     def nearby(self, unknowns: Float[Array, " unknowns"], base: Pose, skeleton: Skeleton) -> Pose:
-        """The pose to first order: its derivative at zero is that of `pose`, at a fraction of the work."""
+        """First-order approximation of `retract`: the same derivative at zero at a fraction of the cost."""
         turns = _HANGS_ON @ self._turns(unknowns, base, skeleton)
         rotations = jnp.asarray(base.rotations)
         turned = jnp.cross(turns[:, None], rotations.swapaxes(1, 2)).swapaxes(1, 2)
         return Pose(base.root + unknowns[:3], rotations + turned)
 
     def reached(self, unknowns: Float[Array, " unknowns"], base: Pose, skeleton: Skeleton) -> PlacedBody:
-        """The skeleton in the world that the unknowns lead to."""
+        """The skeleton in the world (m) after a change by the unknowns."""
         return _reached(unknowns, base, skeleton)
 
     def motion(self, base: Pose, placed: PlacedBody, skeleton: Skeleton) -> Motion:
-        """How the base pose, which is placed already, begins to move with each unknown."""
+        """Derivative of the base pose by each unknown; `placed` is the placed base pose."""
         return self._motion(self._units(base, skeleton), placed)
 
     def motion_at(
         self, unknowns: Float[Array, " unknowns"], base: Pose, placed: PlacedBody, skeleton: Skeleton
     ) -> Motion:
-        """How the pose that the unknowns lead to, which is placed already, goes on to move with each of them."""
+        """Derivative by each unknown at the pose that the unknowns lead to; `placed` is that pose, placed."""
         about = left_jacobian(self._turns(unknowns, base, skeleton))
-        # What turns a segment's parent turns its axes, too.
+        # The rotation of a segment's parent also rotates the segment's axes.
         rotations, before = jnp.asarray(placed.rotations), jnp.asarray(base.rotations)
         whole = _product(rotations, before.swapaxes(1, 2))[np.array(SEGMENT_PARENTS[1:], np.int32)]
         about = jnp.concatenate([about[:1], _product(whole, about[1:])])
@@ -118,14 +118,14 @@ class HingedLimbs(JointRotations):
         )
 
     def _units(self, base: Pose, skeleton: Skeleton) -> Float[Array, "turning 3"]:
-        """The axis of each unknown that turns a segment, in the world of the base pose."""
+        """Axis of each rotational unknown, in the world of the base pose."""
         first, second, hinges = self._axes(base, skeleton)
         return jnp.concatenate([jnp.eye(3), first, second, hinges])[_AXES]
 
     def _turns(
         self, unknowns: Float[Array, " unknowns"], base: Pose, skeleton: Skeleton
     ) -> Float[Array, "segments=17 3"]:
-        """Rotation vector (rad) of each segment relative to the one it hangs on, in the world of the base pose."""
+        """Rotation vector (rad) of each segment relative to its parent, in the world of the base pose."""
         first, second, hinges = self._axes(base, skeleton)
         free, across, flexion = (unknowns[3:][places] for places in (_FREE_AT, _ACROSS_AT, _HINGES_AT))
         turns = jnp.concatenate([free, across[:, :1] * first + across[:, 1:] * second, flexion * hinges])
@@ -134,7 +134,7 @@ class HingedLimbs(JointRotations):
     def _axes(
         self, base: Pose, skeleton: Skeleton
     ) -> tuple[Float[Array, "across=4 3"], Float[Array, "across=4 3"], Float[Array, "hinges=4 3"]]:
-        """In the world: two axes across the bones of shoulder blades and hands, and those of the hinges."""
+        """World axes: two across the bones of shoulder blades and hands each, and those of the hinges."""
         rotations = jnp.asarray(base.rotations)
         rest, axes = jnp.asarray(skeleton.rest_joints), jnp.asarray(hinge_axes(skeleton))
         pivots = jnp.asarray(skeleton.pivots)
@@ -153,7 +153,7 @@ _reached = jax.custom_jvp(_traced)
 
 @partial(_reached.defjvp, symbolic_zeros=True)
 def _reached_tangent(primals: Any, tangents: Any) -> tuple[PlacedBody, PlacedBody]:
-    """By the unknowns the derivative is written down: that takes a seventh of the time of tracing the chain."""
+    """The derivative by the unknowns in closed form, in a seventh of the time of differentiating the chain."""
     (unknowns, base, skeleton), (change, *others) = primals, tangents
     body = _reached(unknowns, base, skeleton)
     tangent = jax.tree.map(jnp.zeros_like, body)
@@ -175,5 +175,5 @@ def _as_array(tangent: Any) -> Array:
 
 
 def _product(one: Float[Array, "n 3 3"], other: Float[Array, "n 3 3"]) -> Float[Array, "n 3 3"]:
-    """Matrix products, written out: for matrices this small faster than, and in XLA for CPUs safer than, a dot."""
+    """Matrix products, written out: for small matrices faster than a dot, and safer in XLA for CPUs."""
     return (one[:, :, :, None] * other[:, None]).sum(2)

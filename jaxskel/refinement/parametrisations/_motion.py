@@ -1,4 +1,4 @@
-"""How a chain of segments begins to move: the derivative of all that it carries, written down instead of traced."""
+"""Derivatives of a kinematic chain by its unknowns, in closed form instead of by automatic differentiation."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -9,39 +9,39 @@ from ..._math.rotations import cross
 from ...body import JOINT_OF_PIVOT, SEGMENT_NAMES, SEGMENT_OF_JOINT, SEGMENT_OF_PIVOT, SEGMENT_OF_TIP
 from ..terms import PlacedBody
 
-# The segment that carries each joint; those at the end of a bone with a pivot in it are carried by its outer part.
+# The segment that carries each joint; a joint beyond a pivot (wrist, ankle) is carried by the bone's outer segment.
 _CARRIERS = np.array(SEGMENT_OF_JOINT, np.int32)
 _CARRIERS[np.array(JOINT_OF_PIVOT)] = SEGMENT_OF_PIVOT
 _TIPS, _SEGMENTS = np.array(SEGMENT_OF_TIP, np.int32), np.arange(len(SEGMENT_NAMES), dtype=np.int32)
 
 
 class Motion(eqx.Module):
-    """Unknowns that each turn some segments about an axis through a point, or shift them all.
+    """Unknowns that each rotate some segments about an axis through a point, or translate all segments.
 
-    A point x of a turned segment moves by d x (x - p) with the rotation vector d and the pivot p.
+    The velocity of a point x of a rotated segment is d x (x - p), for the rotation vector d and the pivot p.
     """
 
     turns: Float[Array, "*stack unknowns 3"]
-    """Rotation vector for one unit of each unknown, in the world (rad); zero for those that shift."""
+    """Rotation vector for one unit of each unknown, in the world (rad); zero for translations."""
     pivots: Float[Array, "*stack unknowns 3"]
-    """A point of each axis (m)."""
+    """A point on each axis, in the world (m)."""
     shifts: Float[np.ndarray, "*stack unknowns 3"]
-    """(m) for one unit of each unknown."""
+    """Translation for one unit of each unknown, in the world (m)."""
     moves: Float[np.ndarray, "*stack unknowns segments=17"]
-    """One where a segment is turned by an unknown, else zero."""
+    """One where an unknown rotates a segment, else zero."""
 
     def some(self, unknowns: Int[np.ndarray, "*stack some"]) -> "Motion":
-        """Some of the unknowns, or stacks of some."""
+        """Select unknowns, or stacks of them."""
         return Motion(self.turns[unknowns], self.pivots[unknowns], self.shifts[unknowns], self.moves[unknowns])
 
     def moves_any(self, segments: Int[np.ndarray, "things some"]) -> Bool[np.ndarray, "unknowns things"]:
-        """Which unknowns move any of the segments of each of some things."""
+        """Which unknowns move any of the segments listed in each row."""
         return (self.moves[:, segments] > 0).any(2) | (self.shifts != 0).any(1)[:, None]
 
     def of_points(
         self, points: Float[Array, "*stack points 3"], segments: Int[np.ndarray, "*stack points"]
     ) -> Float[Array, "*stack points 3 unknowns"]:
-        """How points (m) of some segments begin to move: long rows of unknowns, not triples."""
+        """Derivative of points (m, in the world) on given segments; unknowns as the last axis vectorise well."""
         turns, pivots, shifts = (
             jnp.asarray(a).swapaxes(-1, -2)[..., None, :, :] for a in (self.turns, self.pivots, self.shifts)
         )
@@ -49,7 +49,7 @@ class Motion(eqx.Module):
         return cross(turns, points[..., None] - pivots, -2) * moves + shifts
 
     def of_body(self, placed: PlacedBody) -> PlacedBody:
-        """How the skeleton begins to move, with a last axis ``unknowns``."""
+        """Derivative of the placed skeleton, with a last axis ``unknowns``."""
         turns = self.turns.T[None] * jnp.asarray(self.moves.T)[:, None]
         changes = (
             self.of_points(placed.joints, _CARRIERS),

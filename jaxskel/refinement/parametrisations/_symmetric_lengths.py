@@ -1,4 +1,4 @@
-"""Bone lengths that are free, but the same on the left and on the right."""
+"""Free bone lengths that are the same on the left and on the right."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -11,14 +11,14 @@ from ._base import JointRotations
 from ._exact_bones import ExactBones
 
 LENGTH_NAMES = ("neck", "head", "shoulder", "elbow", "hand", "hip", "knee", "foot")
-"""Joints that bones end in, without the side."""
+"""Joints at the ends of the bones, without the side."""
 _LENGTH_OF_BONE = np.array(
     [LENGTH_NAMES.index(name.removeprefix("l_").removeprefix("r_")) for name in JOINT_NAMES[1:]], np.int32
 )
 
 
 class StretchedPose(eqx.Module):
-    """A pose of a template with other lengths."""
+    """A pose with bone lengths that differ from the template's."""
 
     pose: Pose
     stretch: Float[Array, " lengths=8"]
@@ -26,35 +26,35 @@ class StretchedPose(eqx.Module):
 
 
 class SymmetricLengths(eqx.Module):
-    """Joint rotations, and eight lengths that left and right share: for a template that is only nearly the subject's.
+    """Joint rotations and eight lengths shared by left and right, for a template that is only nearly the subject's.
 
-    The unknowns are those of `rotations` (m, rad), then the logarithms of the lengths over what they were.
+    The unknowns are those of `rotations` (m, rad), then the logarithms of the lengths over those of the base.
     """
 
     rotations: JointRotations = ExactBones()
     weight: Float[Array, ""] = eqx.field(converter=number, default=40.0)
-    """Of the squared logarithm: by default a length that is 5 % off costs a tenth."""
+    """Weight of the squared logarithm: by default a length that is 5 % off costs 0.1."""
 
     def begin(self, pose: Pose, skeleton: Skeleton) -> StretchedPose:
         """The pose with the template's own lengths."""
         return StretchedPose(self.rotations.begin(pose, skeleton), jnp.zeros(len(LENGTH_NAMES)))
 
     def unknowns(self) -> Float[Array, " unknowns"]:
-        """The unknowns of any base: zeros."""
+        """The unknowns at any base: zeros."""
         return jnp.concatenate([self.rotations.unknowns(), jnp.zeros(len(LENGTH_NAMES))])
 
     def retract(self, unknowns: Float[Array, " unknowns"], base: StretchedPose, skeleton: Skeleton) -> StretchedPose:
-        """The pose turned, the lengths stretched."""
+        """The pose and the lengths after a change by the unknowns."""
         turns, stretch = unknowns[: -len(LENGTH_NAMES)], unknowns[-len(LENGTH_NAMES) :]
         pose = self.rotations.retract(turns, base.pose, self._template(base, skeleton))
         return StretchedPose(pose, base.stretch + stretch)
 
     def placed(self, base: StretchedPose, skeleton: Skeleton) -> PlacedBody:
-        """The skeleton in the world."""
+        """The skeleton in the world (m)."""
         return place(self._template(base, skeleton), base.pose)
 
     def reached(self, unknowns: Float[Array, " unknowns"], base: StretchedPose, skeleton: Skeleton) -> PlacedBody:
-        """The skeleton in the world that the unknowns lead to."""
+        """The skeleton in the world (m) after a change by the unknowns."""
         return self.placed(self.retract(unknowns, base, skeleton), skeleton)
 
     def constraint_residuals(self, base: StretchedPose, skeleton: Skeleton) -> dict[str, Float[Array, " lengths=8"]]:
@@ -66,7 +66,7 @@ class SymmetricLengths(eqx.Module):
         return base
 
     def pose(self, base: StretchedPose, skeleton: Skeleton) -> Pose:
-        """Pelvis and rotations: bones of the template's lengths in the same directions."""
+        """Pelvis position and segment rotations: bones of the template's lengths in the same directions."""
         return base.pose
 
     def _template(self, base: StretchedPose, skeleton: Skeleton) -> Skeleton:

@@ -99,8 +99,8 @@ class NormalEquationsLM(optx.AbstractLeastSquaresSolver):
     rtol: float
     atol: float
     ftol: float = 0.0
-    """A solve also ends when the predicted decrease of the cost is a smaller share of it than this. With large residuals
-    steps shrink slowly, and many would be taken for a negligible decrease."""
+    """A solve also ends when the predicted decrease of the cost is a smaller share of it than this. With large
+    residuals the steps shrink slowly, and many more would gain almost nothing."""
     norm: Callable[[Any], Any] = optx.max_norm
     equations: type[AbstractEquations] = NormalEquations
     search: optx.ClassicalTrustRegion = eqx.field(default_factory=optx.ClassicalTrustRegion)
@@ -123,7 +123,7 @@ class NormalEquationsLM(optx.AbstractLeastSquaresSolver):
     ) -> tuple[Any, _State, Any]:
         """Evaluate the trial, accept or reject it, and compute the next one."""
         residual, slope, aux = jax.linearize(lambda y: fn(y, args), state.trial, has_aux=True)
-        # Change of half the squared norm, summed over residuals: a difference of two sums would be mostly rounding error.
+        # Change of half the squared norm, residual by residual: a difference of two sums would be mostly rounding.
         change = _half_product(_difference(residual, state.residual), jax.tree.map(jnp.add, residual, state.residual))
         # Smallest change of the cost that rounding does not hide. A step that predicts less cannot be judged, so the
         # solve ends: otherwise it would wander at random.
@@ -161,7 +161,7 @@ class NormalEquationsLM(optx.AbstractLeastSquaresSolver):
     def terminate(
         self, fn: Any, y: Any, args: Any, options: dict[str, Any], state: _State, tags: frozenset
     ) -> tuple[Bool[Array, ""], optx.RESULTS]:
-        """Whether the last accepted step was within the tolerances, or the last trial predicted too small a decrease."""
+        """Whether the last accepted step was within the tolerances, or the last one predicted too small a decrease."""
         return state.terminate, state.result
 
     def postprocess(

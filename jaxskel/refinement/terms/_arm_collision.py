@@ -16,7 +16,7 @@ class Contacts(eqx.Module):
     """Nearest capsule of trunk, head and legs to each ball of forearms and hands."""
 
     relative: Float[Array, "forearms balls"]
-    """Share of each ball's displacement in the motion of a forearm ball relative to its nearest capsule."""
+    """Coefficients of all balls' displacements in the motion of a forearm ball relative to its nearest capsule."""
     normal: Float[Array, "forearms 3"]
     centres: Float[Array, "balls 3"]
     depth: Float[Array, " forearms"]

@@ -69,7 +69,8 @@ class AbstractTerm(eqx.Module):
     """One residual of the objective. The weight multiplies its squared norm; to switch a term off, leave it out."""
 
     needs_graph: ClassVar[bool] = True
-    """Whether the term uses ``paths``, ``found``, ``neck`` or ``pelvis`` of ``observed``; tracking omits such terms."""
+    """Whether the term uses ``paths``, ``found``, ``neck`` or ``pelvis`` of ``observed``. Tracking computes these only
+    if a term needs them."""
 
     needs_outlines: ClassVar[bool] = False
     """Whether the term uses ``contours`` or ``silhouettes`` of ``observed``, which only a search computes."""

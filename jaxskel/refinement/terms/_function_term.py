@@ -76,7 +76,7 @@ def from_function(
     """Make a term of a function ``residual(body, observed, *parameters)`` of one frame.
 
     Args:
-        function: Returns residuals of any shape, whose squared norm is minimised; positions are in metres, in the world.
+        function: Returns residuals of any shape, whose squared norm is minimised; positions are in the world (m).
         *parameters: Numbers, arrays, or trees of them. New values do not compile again, and gradients reach them.
         weight: Weight of the squared norm.
         needs_graph: The function uses the labelled graph: ``paths``, ``found``, ``neck``, ``pelvis``.

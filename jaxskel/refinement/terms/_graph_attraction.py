@@ -47,7 +47,7 @@ class GraphAttraction(AbstractTerm):
         nearest = jnp.argmin(distance, -1)[..., None]
         closest = jnp.take_along_axis(points, nearest[..., None], 2)[:, :, 0]
         robust = 1 / (1 + jnp.take_along_axis(distance, nearest, 2)[..., 0] / self.scale**2)
-        # The square of the weights makes a mean over the samples of a bone.
+        # The root makes the squared norm a mean over the samples of a bone.
         weights = robust * observed.found[_PATHS][:, None] / np.sqrt(_PLACES.shape[1])
         return _condensed(weights[..., None] * jnp.stack([1 - places, places], -1), weights[..., None] * closest)
 

@@ -13,7 +13,7 @@ from ._rest_prior import RestPrior, firmness
 
 
 def paper_objective() -> Objective:
-    """The paper's objective (Sect. 3.3): bones are attracted to the graph and its labelled nodes; bone lengths are kept.
+    """The paper's objective (Sect. 3.3): bones are attracted to the graph and its labelled nodes; lengths are kept.
 
     A weight of 100 per square metre makes a residual of 0.1 m cost one, so that a good frame costs about one. This
     scale matters, because the damping of Optimistix' Levenberg-Marquardt is absolute.

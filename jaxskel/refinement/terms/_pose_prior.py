@@ -37,7 +37,7 @@ def pose_prior(poses: Pose, weight: float = 1.0) -> PosePrior:
         poses: With a leading axis ``frames``.
         weight: Weight of the term.
     """
-    from scipy.spatial.transform import Rotation  # imported here, because it takes a third of a second and is needed here only
+    from scipy.spatial.transform import Rotation  # takes a third of a second to import, and is needed here only
 
     rotations = np.asarray(poses.rotations, np.float64)
     relative = rotations[:, _PARENTS].swapaxes(-1, -2) @ rotations[:, 1:]

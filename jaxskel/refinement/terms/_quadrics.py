@@ -16,7 +16,7 @@ _SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]], np.int32)
 class Quadrics(eqx.Module):
     """Weighted squared distances, linearised in the ends of the capsules, as needed for a Gauss-Newton step.
 
-    Whatever the number of points, a displacement d of a capsule's ends changes their cost by d . matrix d - 2 vector . d.
+    For any number of points, a displacement d of a capsule's ends changes their cost by d . matrix d - 2 vector . d.
     """
 
     ends: Float[Array, "capsules 6"]
@@ -28,7 +28,7 @@ class Quadrics(eqx.Module):
 
     def rows(self) -> "QuadricRows":
         """Write the quadratic forms as rows of a least squares problem."""
-        # The 1e-6 makes matrices definite: no point constrains a capsule's twist, nor a capsule without points.
+        # The 1e-6 makes matrices definite: a capsule's twist, and a capsule without points, are unconstrained.
         lower, goal = _factored(self.matrix + 1e-6 * jnp.eye(6)[None], self.vector)
         left = jnp.maximum(self.squared - (goal**2).sum(), 0.0)
         return QuadricRows(self.ends, lower.swapaxes(1, 2), goal, jnp.sqrt(left + 1e-12))
