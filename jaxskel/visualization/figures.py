@@ -87,7 +87,7 @@ def plot_stages(recording: Recording, prepared: Prepared, settings: Settings, fr
         size = 3 if i == 0 else 0.5
         axes.scatter(*shown.T, c=shade, cmap="gray", vmin=0, vmax=1, s=size, depthshade=False, zorder=1)
         _draw(axes, i, stages)
-        axes.set_box_aspect(high - low, zoom=1.15)  # pyright: ignore[reportArgumentType, reportCallIssue]
+        axes.set_box_aspect(high - low, zoom=1.05)  # pyright: ignore[reportArgumentType, reportCallIssue]
     write_figure(path, figure, dpi=110)
 
 
