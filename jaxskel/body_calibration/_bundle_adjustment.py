@@ -25,6 +25,7 @@ from ..refinement.terms import (
     place,
     volume_objective,
 )
+from ..search import DAMPING, RELATIVE_DAMPING
 from ._shape_quadrics import contour_quadrics, inside_quadrics
 
 _HINGED = HingedLimbs()
@@ -42,8 +43,6 @@ _SCALE = 0.018
 _REST = 0.3
 # Standard deviation of known joints from a chain of rigid bones (m).
 _KNOWN = 0.003
-# Damping of the normal matrix: absolute for poses, and as a share of its diagonal.
-_DAMPING, _RELATIVE_DAMPING = 0.1, 1e-3
 # Largest step, as the linearisation is not trusted farther: of a pose (m, rad), a length (logarithm), a ball (m).
 _POSE_REACH, _LENGTH_REACH, _BALL_REACH = 0.4, 0.1, 0.02
 # Model errors are correlated between frames: one frame in this many counts as independent for the deviations.
@@ -127,13 +126,13 @@ def _step(
     for frame in frames:
         inner, gradient = normal_equations(jax.tree.map(lambda a, f=frame: a[f], linear))
         own = inner[:_POSE, :_POSE]
-        own = own + np.diag(_DAMPING + _RELATIVE_DAMPING * np.diagonal(own))
+        own = own + np.diag(DAMPING + RELATIVE_DAMPING * np.diagonal(own))
         both = np.linalg.solve(own, np.column_stack([inner[:_POSE, _POSE:], gradient[:_POSE]]))
         matrix += inner[_POSE:, _POSE:] - inner[_POSE:, :_POSE] @ both[:, :-1]
         pull += gradient[_POSE:] - inner[_POSE:, :_POSE] @ both[:, -1]
         solved.append(both)
     whole = matrix + prior.precision
-    damped = whole + np.diag(_RELATIVE_DAMPING * np.diagonal(whole))
+    damped = whole + np.diag(RELATIVE_DAMPING * np.diagonal(whole))
     change = np.linalg.solve(damped, pull - prior.precision @ (vector - prior.mean.vector))
     reach = np.concatenate([np.full(len(LENGTH_NAMES) + 2, _LENGTH_REACH), np.full(count - 13, _BALL_REACH)])
     change = np.clip(change, -reach, reach)

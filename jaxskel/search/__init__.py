@@ -7,6 +7,8 @@ or tracked from frame to frame.
 from ._confidence import searched_confidence as searched_confidence
 from ._fit import fit_poses as fit_poses
 from ._fit import fit_scales as fit_scales
+from ._gauss_newton import DAMPING as DAMPING
+from ._gauss_newton import RELATIVE_DAMPING as RELATIVE_DAMPING
 from ._hypotheses import Hypotheses as Hypotheses
 from ._initial_poses import initial_poses as initial_poses
 from ._search import Model as Model

@@ -13,7 +13,7 @@ from ..refinement.terms import CapsuleTerm, Objective, Observed, place
 from ._block_normal_equations import normal_equations
 
 # Damping of the normal matrix: absolute, for unknowns that no residual depends on, and as a share of its diagonal.
-_DAMPING, _RELATIVE_DAMPING = 0.1, 1e-3
+DAMPING, RELATIVE_DAMPING = 0.1, 1e-3
 # Largest step of an unknown (m, rad): the linearisation is not trusted farther.
 _REACH = 0.4
 
@@ -41,7 +41,7 @@ def descend(
         pull = sum((weight * each.vector for weight, each in quadrics), jnp.zeros(()))
         more, slope = normal_equations(motion, ends, body.segments[body.links], inner, pull)
         matrix, gradient = matrix + more, gradient + slope
-    damped = matrix + jnp.diag(_DAMPING + _RELATIVE_DAMPING * jnp.diagonal(matrix))
+    damped = matrix + jnp.diag(DAMPING + RELATIVE_DAMPING * jnp.diagonal(matrix))
     unknowns = -jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(damped, lower=True), gradient)
     return parametrisation.retract(jnp.clip(unknowns, -_REACH, _REACH), pose, skeleton)
 

@@ -54,14 +54,14 @@ def initial_poses(limbs: Limbs, facing: Float[np.ndarray, "frames 3"], skeleton:
     spine = np.where(np.linalg.norm(spine, axis=1, keepdims=True) > 0.05, spine, [0.0, 0.0, 1.0])
     trunk = frame(spine, left)
     # At rest, the neck need not be straight above the pelvis.
-    lean = aligning(_unit(rest["neck"]), np.array([0.0, 0.0, 1.0]))
+    lean = aligning(_unit_or_down(rest["neck"]), np.array([0.0, 0.0, 1.0]))
     rotations[:, number["pelvis"]] = trunk @ lean
     rotations[:, number["chest"]] = trunk @ lean
 
     def turn(segment: str, bone: np.ndarray, goal: np.ndarray) -> None:
         """Rotate a segment from its parent's rotation by the least rotation that points its bone at the goal."""
         carried = rotations[:, SEGMENT_PARENTS[number[segment]]]
-        rotations[:, number[segment]] = aligning(carried @ _unit(bone), _unit(goal)) @ carried
+        rotations[:, number[segment]] = aligning(carried @ _unit_or_down(bone), _unit_or_down(goal)) @ carried
 
     turn("head", rest["head"] - rest["neck"], limbs.ends[:, HEAD] - limbs.neck)
     for side in "lr":
@@ -95,6 +95,6 @@ def initial_poses(limbs: Limbs, facing: Float[np.ndarray, "frames 3"], skeleton:
     return Pose(root=limbs.pelvis.copy(), rotations=rotations)
 
 
-def _unit(vector: np.ndarray) -> np.ndarray:
+def _unit_or_down(vector: np.ndarray) -> np.ndarray:
     length = np.linalg.norm(vector, axis=-1, keepdims=True)
     return np.where(length > 1e-6, vector / np.maximum(length, 1e-6), [0.0, 0.0, -1.0])

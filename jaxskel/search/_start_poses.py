@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .._math.rotations import aligning, frame, turn_about
+from .._math.vectors import unit
 from ..body import JOINT_NAMES, PIVOT_NAMES, SEGMENT_NAMES, Pose, Skeleton, hinge_axes
 from ..matching import L_FOOT, R_FOOT, Limbs
 
@@ -55,7 +56,7 @@ def other_ways(joints: Float[np.ndarray, "frames joints=15 3"], skeleton: Skelet
     )
     front = np.cross(left_hip - right_hip, [0.0, 0.0, 1.0])
     front = np.where(np.linalg.norm(front, axis=1, keepdims=True) > 1e-3, front, [1.0, 0.0, 0.0])
-    return _eight_ways(pelvis, neck - pelvis, _unit(front), np.stack(feet, 1), skeleton)
+    return _eight_ways(pelvis, neck - pelvis, unit(front), np.stack(feet, 1), skeleton)
 
 
 def _eight_ways(
@@ -115,7 +116,7 @@ def _pose(
 ) -> Float[np.ndarray, "frames segments=17 3 3"]:
     points = np.concatenate([skeleton.rest_joints, skeleton.pivots]).astype(np.float64)
     rest: dict[str, np.ndarray] = dict(zip(JOINT_NAMES + PIVOT_NAMES, points, strict=True))
-    trunk = frame(spine, left) @ aligning(_unit(rest["neck"]), np.array([0.0, 0.0, 1.0]))
+    trunk = frame(spine, left) @ aligning(unit(rest["neck"]), np.array([0.0, 0.0, 1.0]))
     rotations = np.repeat(trunk[:, None], len(SEGMENT_NAMES), 1)
     axes = np.asarray(hinge_axes(skeleton), np.float64)
     for number, side in enumerate(("l_", "r_")):
@@ -146,13 +147,9 @@ def _reach(
     hinge = np.cross(way, -front)
     length = np.linalg.norm(hinge, axis=1, keepdims=True)
     hinge = np.where(length > 1e-3, hinge / np.maximum(length, 1e-9), np.cross(way, np.roll(way, 1, 1)))
-    hinge = _unit(hinge)
+    hinge = unit(hinge)
     first = way * np.cos(ahead)[:, None] - np.cross(hinge, way) * np.sin(ahead)[:, None]
     world = np.stack([first, hinge, np.cross(first, hinge)], -1)
     rest = np.stack([bone, axis, np.cross(bone, axis)], -1)
     thigh = world @ rest.T
     return thigh, thigh @ turn_about(np.broadcast_to(axis, goal.shape), bend - at_rest)
-
-
-def _unit(vector: np.ndarray) -> np.ndarray:
-    return vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-9)

@@ -9,9 +9,10 @@ import numpy as np
 from jaxtyping import Float
 
 from ..._math.rotations import frame
+from ..._math.vectors import unit
 from ...body import JOINT_NAMES, TIP_NAMES, default_adult
 from ._rig import RIG, Rig
-from ._twist import hinge_across, hinged, swung, unit
+from ._twist import hinge_across, hinged, swung
 
 _FRONT, _LEFT, _UP = np.eye(3)
 # The hips are in line with the pelvis where they are nearer to it than this (m), half the exactness of a file, or than

@@ -10,11 +10,6 @@ from ..._math.rotations import aligning
 _SURE_BEND = 0.4
 
 
-def unit(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3"]:
-    """Unit vectors; zero where there is no direction."""
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9)
-
-
 def swung(
     parents: Float[np.ndarray, "frames 3 3"], rest: Float[np.ndarray, "3"], bones: Float[np.ndarray, "frames 3"]
 ) -> Float[np.ndarray, "frames 3 3"]:
