@@ -14,7 +14,7 @@ from _stage_times import stage_times
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from jaxskel import Recording, paper_settings, prepare
+from jaxskel import HullSettings, Recording, paper_settings, prepare
 from jaxskel.synthetic import camera_ring, make_scene
 
 FRAMES, CAMERAS, WIDTH, SPACING = 64, 8, 640, 0.015
@@ -29,7 +29,7 @@ def film(frames: int = FRAMES, cameras: int = CAMERAS, width: int = WIDTH) -> Re
 
 def times(recording: Recording, spacing: float = SPACING, repeat: int = 3) -> dict[str, float]:
     """Milliseconds a frame by stage, medians over repetitions, and all together."""
-    settings = replace(paper_settings(), spacing=spacing)
+    settings = replace(paper_settings(), hull=HullSettings(spacing=spacing, max_misses=0))
     return stage_times(recording, settings, prepare(recording, settings), repeat)
 
 

@@ -37,7 +37,7 @@ def modern_version(version: str) -> str:
     `equal_versions.txt` names the versions that were compared, each with the digest of the definitions that it was
     compared with. Any later change of a definition makes that line void.
     """
-    table = files(__package__).joinpath("equal_versions.txt").read_text(encoding="utf-8")
+    table = files("jaxskel.batch").joinpath("equal_versions.txt").read_text(encoding="utf-8")
     for line in table.splitlines():
         if line and not line.startswith("#"):
             older, base, digest = line.split()

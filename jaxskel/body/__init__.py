@@ -1,6 +1,6 @@
-"""The template: joints, bones, and a body of capsules around them (Sect. 3.3, Fig. 4).
+"""The template (the paper's G', Fig. 2a, Sect. 3.2, 3.3): joints, bones, and a body of capsules around them.
 
-In: joint positions at rest, or a stature. Out: a `Skeleton`, a `Body`, a `Pose` and where it puts the joints.
+In: joint positions at rest, or a stature. Out: a `Skeleton`, a `Body`, a `Pose` and its joint positions.
 """
 
 from ._capsule_body import BALL_NAMES as BALL_NAMES

@@ -36,15 +36,15 @@ BALL_NAMES = (
 
 _LIKE = [name.replace("r_", "l_", 1) if name.startswith("r_") else name for name in BALL_NAMES]
 FREE_BALLS = tuple(ball for ball, name in enumerate(BALL_NAMES) if _LIKE[ball] == name)
-"""Balls of the left and of the middle; those of the right are like those of the left."""
+"""Indices of the left and middle balls; right balls mirror the left ones."""
 LIKE_BALL = np.array([FREE_BALLS.index(BALL_NAMES.index(name)) for name in _LIKE], np.int32)
-"""For each ball, which of `FREE_BALLS` it is like."""
+"""For each ball, the index in `FREE_BALLS` of the ball that it equals or mirrors."""
 BALL_SIDES = np.array([-1.0 if name.startswith("r_") else 1.0 for name in BALL_NAMES])
-"""Sign of y of each ball relative to the one that it is like."""
+"""Sign of y of each ball relative to the ball that it equals or mirrors."""
 
-# The average adult, ball by ball: the segment that carries it; the share of the way from one point of the skeleton to
-# another where it is; its shift from there to the front, outwards and up; its radius. Shifts and radii are fractions of
-# the stature. Names lack their l_ or r_.
+# The average adult, ball by ball: the segment that carries it; its position as a fraction of the way from one point of
+# the skeleton to another; its shift from there to the front, outwards and up; its radius. Shifts and radii are
+# fractions of the stature. Names omit l_ and r_.
 _Ball = tuple[str, tuple[str, float, str], tuple[float, float, float], float]
 _MIDDLE_BALLS: dict[str, _Ball] = {
     "nape": ("chest", ("neck", 0.0, "neck"), (-0.002, 0.0, -0.019), 0.035),
@@ -73,7 +73,7 @@ _SIDED_BALLS: dict[str, _Ball] = {
 _MIDDLE_LINKS = (
     ("l_seat", "r_seat"), ("l_waist", "r_waist"), ("l_chest", "r_chest"), ("nape", "face"), ("face", "crown"),
 )  # fmt: skip
-# For each side, from the trunk outwards.
+# Links of each side, from the trunk outwards.
 _SIDED_LINKS = (
     ("seat", "waist"), ("waist", "chest"), ("chest", "girdle"), ("nape", "girdle"), ("chest", "nape"),
     ("shoulder", "elbow"), ("elbow", "forearm"), ("forearm", "wrist"), ("wrist", "palm"), ("palm", "finger"),
@@ -86,30 +86,30 @@ _POINTS = JOINT_NAMES + TIP_NAMES + PIVOT_NAMES
 
 
 class _Places(NamedTuple):
-    """The average adult as arrays: one operation places all balls, which compiles faster than one for each."""
+    """The average adult as arrays: one operation places all balls, which compiles faster than one per ball."""
 
     carriers: Int[np.ndarray, " balls"]
     starts: Int[np.ndarray, " balls"]
-    """Of `_POINTS`."""
+    """Indices into `_POINTS`."""
     ends: Int[np.ndarray, " balls"]
     shares: Float[np.ndarray, "balls 1"]
     shifts: Float[np.ndarray, "balls 3"]
     """Fractions of the stature."""
     radii: Float[np.ndarray, " balls"]
-    """Likewise."""
+    """Fractions of the stature."""
 
 
 class Body(eqx.Module):
     """Balls fixed to the segments of a skeleton, and the capsules between them. See [`make_body`][].
 
-    What hangs on what is static: indices that the compiler knows cost nothing.
+    The topology is static, because indices that the compiler knows cost nothing.
     """
 
     skeleton: Skeleton
     offsets: Float[Array | np.ndarray, "balls 3"]
-    """Centre of each ball at rest, from the point that its segment turns about (m)."""
+    """Centre of each ball at rest, relative to the point that its segment turns about (m, body frame)."""
     radii: Float[Array | np.ndarray, " balls"]
-    """(m)"""
+    """Radius of each ball (m)."""
     _segments: tuple[int, ...] = eqx.field(static=True)
     _links: tuple[tuple[int, int], ...] = eqx.field(static=True)
 
@@ -132,7 +132,7 @@ class Body(eqx.Module):
 
     @property
     def links(self) -> Int[np.ndarray, "capsules 2"]:
-        """The two balls of each capsule."""
+        """Indices of the two balls of each capsule."""
         return np.array(self._links, np.int32).reshape(-1, 2)
 
 
@@ -158,10 +158,10 @@ def make_body(skeleton: Skeleton) -> Body:
 
     [`calibrate_flesh`][jaxskel.body_calibration.calibrate_flesh] fits it to a subject.
 
-    Radii, and where the flesh sits around the joint centres, are fractions of the stature: means over a man and a
+    Radii, and shifts of the flesh from the joint centres, are fractions of the stature: means over a man and a
     woman (two skinned meshes), fitted to their visual hulls at known joints.
     """
-    # In double precision where it is not traced: a derivative by the skeleton is that of this function.
+    # NumPy arrays are computed in double precision. Traced arrays keep their type, so that derivatives pass through.
     xp = skeleton.rest_joints.__array_namespace__()
     points = xp.concatenate([skeleton.rest_joints, skeleton.rest_tips, skeleton.pivots])
     points = points.astype(np.float64) if xp is np else points
@@ -179,11 +179,11 @@ def _links() -> Int[np.ndarray, "capsules 2"]:
 
 
 LINKS = _links()
-"""The two balls of each capsule of the body that [`make_body`][] makes."""
+"""Indices of the two balls of each capsule of the body that [`make_body`][] makes."""
 
 
 def limb_capsules(*limbs: str) -> Bool[np.ndarray, " capsules"]:
-    """Which capsules of [`make_body`][]'s body belong to some of ``l_arm``, ``r_arm``, ``l_leg`` and ``r_leg``."""
+    """Mask of the capsules of [`make_body`][]'s body in any of ``l_arm``, ``r_arm``, ``l_leg`` and ``r_leg``."""
     first = {"arm": "shoulder", "leg": "hip"}
     last = {"arm": "finger", "leg": "toe"}
     mask = np.zeros(len(LINKS), bool)
@@ -199,8 +199,8 @@ def ball_centres(
     origins: Float[Array | np.ndarray, "*frames segments=17 3"],
     rotations: Float[Array | np.ndarray, "*frames segments=17 3 3"],
 ) -> Float[Array | np.ndarray, "*frames balls 3"]:
-    """Centres of the balls in the world (m), for NumPy and JAX arrays alike."""
-    # Column by column: for matrices this small XLA is slow at products.
+    """Centres of the balls in the world (m), for NumPy or JAX arrays."""
+    # Column by column, because XLA is slow at products of such small matrices.
     turned = rotations[..., body.segments, :, :]
     offsets = body.offsets.reshape(*(1,) * (turned.ndim - 3), -1, 1, 3)
     return origins[..., body.segments, :] + sum(turned[..., axis] * offsets[..., axis] for axis in range(3))
@@ -211,7 +211,7 @@ def capsule_ends(
     origins: Float[Array | np.ndarray, "*frames segments=17 3"],
     rotations: Float[Array | np.ndarray, "*frames segments=17 3 3"],
 ) -> Float[Array | np.ndarray, "*frames capsules 2 3"]:
-    """Centres of the balls at both ends of each capsule in the world (m), for NumPy and JAX arrays alike."""
+    """Centres of the balls at both ends of each capsule in the world (m), for NumPy or JAX arrays."""
     return ball_centres(body, origins, rotations)[..., body.links, :]
 
 

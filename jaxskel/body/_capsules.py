@@ -1,15 +1,15 @@
-"""Distances of points to tapered capsules: the measure behind the volume terms."""
+"""Signed distances of points and rays to tapered capsules, on which the volume terms of objectives are based."""
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-_SMALL = 1e-8  # the root of zero has no gradient; a tenth of a millimetre is nothing here
+_SMALL = 1e-8  # the root of zero has no gradient; an error of a tenth of a millimetre is negligible
 
 
 class _Axes(eqx.Module):
-    """Capsules, each component by itself: loops over long rows of numbers are what a processor does best."""
+    """Capsules, one array per component, because processors are fastest at loops over long arrays."""
 
     start: tuple[Float[Array, "*capsules"], ...]
     along: tuple[Float[Array, "*capsules"], ...]
@@ -20,7 +20,7 @@ class _Axes(eqx.Module):
     def place(
         self, points: tuple[Float[Array, "..."], ...]
     ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"], tuple[Float[Array, "*batch"], ...]]:
-        """Signed distance of points (m), where along the axis (0..1), way from there (m); points meet capsules."""
+        """Signed distance of points (m), position along the axis (0..1), vector from there (m); arguments broadcast."""
         away = tuple(point - start for point, start in zip(points, self.start, strict=True))
         part = sum(a * b for a, b in zip(away, self.along, strict=True)) / self.squared
         part = jnp.clip(part, 0.0, 1.0)
@@ -54,7 +54,7 @@ def capsule_distance(
 def toward_capsule(
     points: Float[Array, "*batch 3"], ends: Float[Array, "*batch 2 3"], radii: Float[Array, "*batch 2"]
 ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"], Float[Array, "*batch 3"]]:
-    """Signed distance of each point to its capsule (m), where along the axis (0..1), unit vector from there."""
+    """Signed distance of each point to its capsule (m), position along the axis (0..1), unit vector from there."""
     distance, part, away = _axes(ends, radii).place(_components(points))
     direction = jnp.stack(away, -1)
     return distance, part, direction / jnp.sqrt((direction * direction).sum(-1, keepdims=True) + _SMALL)
@@ -71,7 +71,7 @@ def all_distances(
 def nearest_capsule(
     points: Float[Array, "points 3"], ends: Float[Array, "capsules 2 3"], radii: Float[Array, "capsules 2"]
 ) -> tuple[Int[Array, " points"], Float[Array, " points"]]:
-    """The nearest capsule of each point and its signed distance (m); the first of several that are equally near."""
+    """The nearest capsule of each point and its signed distance (m); of equally near ones, the first."""
     axes, components = _axes(ends, radii), _components(points)
 
     def one(number: Array, best: tuple[Array, Array]) -> tuple[Array, Array]:
@@ -85,15 +85,15 @@ def nearest_capsule(
 
 
 class Grazed(eqx.Module):
-    """The capsule that each ray comes nearest to."""
+    """The nearest capsule of each ray."""
 
     capsule: Int[Array, " rays"]
     distance: Float[Array, " rays"]
-    """From the capsule's surface (m), negative where the ray goes through."""
+    """Distance from the capsule's surface (m), negative if the ray passes through it."""
     part: Float[Array, " rays"]
-    """Where along its axis (0..1)."""
+    """Position along the capsule's axis (0..1)."""
     normal: Float[Array, "rays 3"]
-    """Unit vector from there to the ray, perpendicular to it."""
+    """Unit vector from that position to the ray, perpendicular to the ray."""
 
 
 def nearest_to_rays(
@@ -102,9 +102,9 @@ def nearest_to_rays(
     ends: Float[Array, "capsules 2 3"],
     radii: Float[Array, "capsules 2"],
 ) -> Grazed:
-    """The capsule that each ray, as a whole line, comes nearest to; the first of several that are equally near.
+    """The nearest capsule of each ray, taken as an infinite line; of equally near ones, the first.
 
-    Seen along the ray a capsule is a segment of the plane, and the ray a point: `capsule_distance` in the plane.
+    Seen along the ray, a capsule is a segment in the plane and the ray a point: `capsule_distance` in the plane.
     """
     axes = tuple(_components(axis) for axis in _across(directions))
     middle = tuple(_dot(axis, _components(centres)) for axis in axes)
@@ -126,7 +126,7 @@ def nearest_to_rays(
         return jnp.where(nearer, number, best[0]), jnp.where(nearer, distance, best[1])
 
     start = jnp.zeros(len(centres), jnp.int32), jnp.full(len(centres), jnp.inf, centres.dtype)
-    # The loop runs ten times faster if it carries no more than it must, and by a fifth if it stores that less often.
+    # The loop is ten times faster if it carries only what it needs, and a fifth faster if it stores that less often.
     capsule, distance = jax.lax.fori_loop(0, len(ends), one, start, unroll=3)
     _, part, x, y = graze(ends[capsule], radii[capsule])
     normal = -jnp.stack([x * a + y * b for a, b in zip(*axes, strict=True)], -1)
@@ -134,7 +134,7 @@ def nearest_to_rays(
 
 
 def _dot(one: tuple[Float[Array, "..."], ...], other: tuple[Float[Array, "..."], ...]) -> Float[Array, "..."]:
-    """Of vectors given by their components."""
+    """Dot products of vectors given by their components."""
     return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
 
 

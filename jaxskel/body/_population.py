@@ -1,8 +1,8 @@
-"""How adults differ: bone lengths and the flesh around them, as means, common deviations and what is left.
+"""Statistics of adult bodies: bone lengths and the flesh around them, as means, common and individual deviations.
 
-Silhouettes show flesh. Where a joint is that hardly turns, a hip above all, is known only because both differ together
-from person to person: broad hips and wide-set hip joints, say. The table comes from bodies of MakeHuman (CC0 1.0), see
-`benchmarks/adults.py`; joint centres are where the joints of its skeleton are.
+Silhouettes show flesh, not joints. A joint that hardly turns, such as the hip, can be located only because flesh and
+bones vary together: broad hips come with wide-set hip joints. The table comes from bodies of MakeHuman (CC0 1.0), see
+`benchmarks/adults.py`; joint centres are the joints of its skeleton.
 """
 
 from functools import cache
@@ -16,21 +16,21 @@ _TABLE = "adults.csv"
 
 
 class Adults(NamedTuple):
-    """Statistics of a population, by the names of the quantities."""
+    """Statistics of a population, one entry per named quantity."""
 
     names: tuple[str, ...]
     means: Float[np.ndarray, " quantities"]
-    """Lengths: logarithms relative to `default_adult` of the same stature. Flesh: relative to `make_body`, shares of
-    the stature."""
+    """Lengths: logarithms relative to `default_adult` of the same stature. Flesh: relative to `make_body`, as fractions
+    of the stature."""
     axes: Float[np.ndarray, "quantities axes"]
-    """What the quantities deviate by together, one standard deviation along each axis."""
+    """Common deviations of the quantities: one standard deviation along each axis."""
     rest: Float[np.ndarray, " quantities"]
-    """Standard deviation of what each quantity deviates by on its own."""
+    """Standard deviation of the individual part of each quantity."""
 
 
 @cache
 def adults() -> Adults:
-    """Read the table that `benchmarks/adults.py` makes."""
+    """Read the table that `benchmarks/adults.py` writes."""
     lines = files("jaxskel.body").joinpath(_TABLE).read_text(encoding="utf-8").splitlines()
     rows = [line.split(",") for line in lines[1:]]
     numbers = np.array([[float(cell) for cell in row[1:]] for row in rows])

@@ -1,4 +1,4 @@
-"""A subject's dimensions as unknowns: symmetric bone lengths, and the flesh around them, relative to a template."""
+"""A subject's dimensions as unknowns: symmetric bone lengths and flesh, relative to a template."""
 
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ from ._skeleton import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES, TIP_PARENTS, Skele
 LENGTH_NAMES = (
     "trunk", "neck", "shoulder", "upper_arm", "forearm", "hip", "thigh", "shank", "head_top", "fingertip", "toetip",
 )  # fmt: skip
-"""Lengths of a symmetric skeleton, in the words of a subject's file; left and right are alike."""
+"""Names of the lengths of a symmetric skeleton, as in a subject's file; left and right are equal."""
 _ENDS = (
     "neck", "head", "shoulder", "elbow", "hand", "hip", "knee", "foot", "head_top", "fingertip", "toetip",
 )  # fmt: skip
@@ -22,42 +22,42 @@ _POINTS = JOINT_NAMES + TIP_NAMES
 _PARENTS = np.array(JOINT_PARENTS + TIP_PARENTS, np.int32)
 _LENGTH_OF_POINT = np.array([_ENDS.index(name.removeprefix("l_").removeprefix("r_")) for name in _POINTS[1:]], np.int32)
 _FINGERTIPS = np.array([_POINTS.index("l_fingertip"), _POINTS.index("r_fingertip")], np.int32)
-_THINNEST = 0.010  # m, of a ball
+_THINNEST = 0.010  # smallest radius of a ball (m)
 QUANTITIES = [*LENGTH_NAMES, "fingers front", "fingers out"] + [
     f"{BALL_NAMES[ball].removeprefix('l_')} {what}" for ball in FREE_BALLS for what in ("front", "out", "up", "radius")
 ]
-"""The unknowns in a row: lengths, fingers, then the shift of each free ball and its radius."""
+"""Names of the unknowns in order: lengths, fingers, then shift and radius of each free ball."""
 FLESH_FROM = len(LENGTH_NAMES) + 2
 
-# People differ from the adults of the table in ways that it does not know: lengths (share), where a joint centre is by
-# definition (m), and flesh (share of the stature).
+# Standard deviations that the table of adults lacks: lengths (relative), joint centres, which depend on their
+# definition (m), and flesh (fraction of the stature).
 _SHARE, _CENTRE, _FLESH = 0.01, 0.002, 0.001
-# Of hands the table knows the way to the palm only: fingers may be open or closed (m; share; tangent of an angle).
+# The table covers hands only up to the palm, and fingers may be open or closed (m; relative; tangent of an angle).
 _HAND_PLAYS = {"palm": 0.006, "finger": 0.015}
 _FINGERTIP_PLAY, _FINGERS_PLAY = 0.15, 5.0
-# Hands that hold nothing flat are half closed: fingers point inwards (tangent), and reach less far than flat ones.
+# Hands not held flat are half closed: fingers point inwards (tangent) and reach less far than flat ones (logarithm).
 _CLOSED, _SHORTER = -3.0, -0.4
-_NO_PLAY = 1e-6
+_NO_PLAY = 1e-6  # fixed, but the covariance stays invertible
 
 
 class Shape(eqx.Module):
-    """What makes a subject's body differ from the average body around a template; zeros are no difference."""
+    """Difference of a subject's body from the average body around a template; zeros mean no difference."""
 
     lengths: Float[Array | np.ndarray, "lengths=11"]
     """Logarithm of each length, in the order of `LENGTH_NAMES`, relative to the template's."""
     fingers: Float[Array | np.ndarray, "2"]
-    """Tilt of the left fingers to the front and to the left, in tangents."""
+    """Tilt of the left fingers to the front and to the left (tangents); the right fingers mirror it."""
     balls: Float[Array | np.ndarray, "free=20 4"]
-    """Shift of each of `FREE_BALLS` (m), and what its radius is larger by (m)."""
+    """Shift of each of `FREE_BALLS` (m, body frame), and increase of its radius (m)."""
 
     @classmethod
     def of(cls, vector: Float[Array | np.ndarray, " unknowns"]) -> "Shape":
-        """All unknowns in a row."""
+        """The shape with a vector of all unknowns, in the order of `QUANTITIES`."""
         return cls(vector[:11], vector[11:13], vector[13:].reshape(-1, 4))
 
     @property
     def vector(self) -> Float[np.ndarray, " unknowns"]:
-        """All unknowns in a row."""
+        """Vector of all unknowns, in the order of `QUANTITIES`."""
         return np.concatenate([np.ravel(part) for part in (self.lengths, self.fingers, self.balls)])
 
 
@@ -68,7 +68,7 @@ def lengths_of(skeleton: Skeleton) -> Float[np.ndarray, "lengths=11"]:
 
 
 def shaped_skeleton(template: Skeleton, shape: Shape) -> Skeleton:
-    """The template with other lengths; only the fingers at rest point another way. It can be differentiated."""
+    """The template with other lengths; at rest, only the fingers change their direction. Differentiable."""
     points = jnp.concatenate([jnp.asarray(template.rest_joints), jnp.asarray(template.rest_tips)])
     bones = points[1:] - points[_PARENTS[1:]]
     fingers = bones[_FINGERS_TO]
@@ -83,7 +83,7 @@ def shaped_skeleton(template: Skeleton, shape: Shape) -> Skeleton:
 
 
 def shaped_body(template: Skeleton, shape: Shape) -> Body:
-    """The body that the unknowns stand for. It can be differentiated."""
+    """The body (m, body frame) that the unknowns describe. Differentiable."""
     body = make_body(shaped_skeleton(template, shape))
     own = jnp.asarray(shape.balls)[LIKE_BALL]
     sides = np.stack([np.ones_like(BALL_SIDES), BALL_SIDES, np.ones_like(BALL_SIDES)], -1).astype(np.float32)
@@ -92,7 +92,7 @@ def shaped_body(template: Skeleton, shape: Shape) -> Body:
 
 
 def measured_body(template: Skeleton, shape: Shape) -> Body:
-    """The same as NumPy arrays in double precision, the skeleton checked."""
+    """As `shaped_body`, but as NumPy arrays in double precision, with a checked skeleton."""
     body = shaped_body(template, shape)
     offsets, radii = (np.asarray(a, np.float64) for a in (body.offsets, body.radii))
     skeleton = make_skeleton(np.asarray(body.skeleton.rest_joints), np.asarray(body.skeleton.rest_tips))
@@ -100,15 +100,15 @@ def measured_body(template: Skeleton, shape: Shape) -> Body:
 
 
 class Prior(NamedTuple):
-    """What is known about a subject before anything is seen."""
+    """Prior knowledge of a subject's dimensions."""
 
     mean: Shape
     precision: Float[np.ndarray, "unknowns unknowns"]
-    """Inverse covariance of the unknowns in a row; the common scale of all lengths is free."""
+    """Inverse covariance of the vector of unknowns; the common scale of all lengths is unconstrained."""
 
 
 def adults_prior(template: Skeleton) -> Prior:
-    """How adults differ from a template, see [`adults`][jaxskel.body.adults]; their hands are half closed."""
+    """Prior of adults relative to a template, see [`adults`][jaxskel.body.adults]; their hands are half closed."""
     table, height, count = adults(), float(template.height), len(QUANTITIES)
     size = np.where(np.arange(count) < FLESH_FROM, 1.0, height)[:, None]
     mean, rest, axes = np.zeros((count, 1)), np.zeros((count, 1)), np.zeros((count, table.axes.shape[1]))
@@ -123,20 +123,20 @@ def adults_prior(template: Skeleton) -> Prior:
 
 
 def _unlike(template: Skeleton) -> Float[np.ndarray, " unknowns"]:
-    """Standard deviation of each unknown that the table of adults knows nothing of."""
+    """Standard deviation of each unknown that the table of adults does not contain."""
     lengths = np.sqrt(_SHARE**2 + (_CENTRE / lengths_of(template)) ** 2)
     lengths[LENGTH_NAMES.index("fingertip")] = _FINGERTIP_PLAY
     flesh = np.full(len(QUANTITIES) - FLESH_FROM, _FLESH * float(template.height))
     for place, quantity in enumerate(QUANTITIES[FLESH_FROM:]):
         ball, what = quantity.split()
         flesh[place] = _HAND_PLAYS.get(ball, flesh[place])
-        if what == "out" and ball in BALL_NAMES:  # balls of the middle stay there
+        if what == "out" and ball in BALL_NAMES:  # middle balls stay in the middle
             flesh[place] = _NO_PLAY
     return np.concatenate([lengths, [_FINGERS_PLAY, _FINGERS_PLAY], flesh])
 
 
 def _bones_to() -> Float[np.ndarray, "points=20 bones=19"]:
-    """Which bones lie on the way from the pelvis to each joint and tip."""
+    """Indicator matrix of the bones on the path from the pelvis to each joint and tip."""
     ways = np.zeros((len(_POINTS), len(_POINTS) - 1), np.float32)
     for point in range(1, len(_POINTS)):
         ways[point] = ways[_PARENTS[point]]

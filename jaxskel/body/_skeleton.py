@@ -1,9 +1,9 @@
-"""The template skeleton: 15 joints, 5 limb tips, known dimensions, forward kinematics.
+"""The template skeleton (the paper's G', Fig. 2a): 15 joints, 5 limb tips, known dimensions, forward kinematics.
 
-A pose is a position of the pelvis and one rotation for each of 17 rigid *segments*. A segment moves the joints and
-tips listed for it about its own origin, so lengths are those of the template whatever the rotations. Wrists and ankles
-are no joints of the template but pivots within the bones that end in palm and ball of the foot: these two bones are
-rigid as long as hand and foot turn with forearm and shank.
+A pose is a position of the pelvis and one rotation for each of 17 rigid *segments*. A segment moves its joints and tips
+about its own origin, so lengths are those of the template whatever the rotations. Wrists and ankles are not joints but
+pivots inside the bones that end in palm and ball of the foot: these two bones are rigid as long as hand and foot turn
+with forearm and shank.
 """
 
 import equinox as eqx
@@ -25,7 +25,7 @@ SEGMENT_NAMES = (
     "l_thigh", "l_shank", "r_thigh", "r_shank", "l_hand", "r_hand", "l_foot", "r_foot",
 )  # fmt: skip
 SEGMENT_PARENTS = (-1, 0, 1, 1, 3, 4, 1, 6, 7, 0, 9, 0, 11, 5, 8, 10, 12)
-# The segment on which the bone starts that ends in each joint: the hips turn with the pelvis.
+# The segment that carries the bone ending in each joint: the hips turn with the pelvis.
 SEGMENT_OF_JOINT = (0, 1, 2, 3, 4, 5, 6, 7, 8, 0, 9, 10, 0, 11, 12)
 SEGMENT_OF_TIP = (2, 13, 14, 15, 16)
 PIVOT_NAMES = ("l_wrist", "r_wrist", "l_ankle", "r_ankle")
@@ -33,8 +33,8 @@ PIVOT_NAMES = ("l_wrist", "r_wrist", "l_ankle", "r_ankle")
 JOINT_OF_PIVOT = (5, 8, 11, 14)
 SEGMENT_OF_PIVOT = (13, 14, 15, 16)
 
-# The joint that each segment but the last four turns about: where the bones start that it carries. Indices have 32
-# bits, because JAX mixes up wider ones when float64 is switched on after the first use.
+# The joint that each segment except the last four turns about: the start of the bones that it carries. Indices have 32
+# bits, because JAX confuses wider ones if float64 is switched on after the first use.
 _ORIGIN_JOINTS = np.array(
     [JOINT_PARENTS[SEGMENT_OF_JOINT.index(s, 1)] for s in range(len(SEGMENT_NAMES) - 4)], np.int32
 )
@@ -42,8 +42,7 @@ _TIP_JOINTS, _TIP_SEGMENTS = np.array(TIP_PARENTS, np.int32), np.array(SEGMENT_O
 _BALLS_OF_FEET = np.array([11, 14], np.int32)
 _PIVOT_BONES = np.array([[4, 7], [5, 8], [10, 13], [11, 14]], np.int32)  # elbows, palms, knees, balls of the feet
 
-# Rigid parts of the skeleton: from where to where, joints and then pivots, and on which segment. A bone with a pivot in
-# it has two.
+# Rigid parts of the skeleton: start and end (index into joints, then pivots) and segment. A bone with a pivot has two.
 _PARTS = tuple(
     part
     for joint in range(1, len(JOINT_NAMES))
@@ -60,7 +59,7 @@ _PART_STARTS, _PART_ENDS, _PART_SEGMENTS = np.array(_PARTS, np.int32).T
 
 
 def _parts_to() -> Float[np.ndarray, "points=19 parts=18"]:
-    """Which parts lie on the way from the pelvis to each joint and pivot."""
+    """Indicator matrix of the parts on the path from the pelvis to each joint and pivot."""
     ways = np.zeros((19, len(_PARTS)), np.float32)
     for number, (start, end, _) in enumerate(_PARTS):
         ways[end] = ways[start]
@@ -74,7 +73,7 @@ _BONE_STARTS = np.array(JOINT_PARENTS[1:], np.int32)
 
 
 def _bones_to() -> Float[np.ndarray, "joints=15 bones=14"]:
-    """Which bones lie on the way from the pelvis to each joint."""
+    """Indicator matrix of the bones on the path from the pelvis to each joint."""
     ways = np.zeros((len(JOINT_NAMES), len(JOINT_NAMES) - 1), np.float32)
     for joint in range(1, len(JOINT_NAMES)):
         ways[joint] = ways[JOINT_PARENTS[joint]]
@@ -84,7 +83,7 @@ def _bones_to() -> Float[np.ndarray, "joints=15 bones=14"]:
 
 _BONES_TO = _bones_to()
 
-# Exchanges left and right.
+# Permutations that exchange left and right.
 MIRROR_JOINTS = (0, 1, 2, 6, 7, 8, 3, 4, 5, 12, 13, 14, 9, 10, 11)
 MIRROR_TIPS = (0, 2, 1, 4, 3)
 
@@ -102,7 +101,7 @@ class Skeleton(eqx.Module):
 
     @property
     def bone_lengths(self) -> Float[np.ndarray, "bones=14"]:
-        """Length of the bone that ends in each joint but the pelvis (m)."""
+        """Length of the bone that ends in each joint except the pelvis (m)."""
         joints = np.asarray(self.rest_joints)
         return np.linalg.norm(joints[1:] - joints[list(JOINT_PARENTS[1:])], axis=-1)
 
@@ -116,8 +115,8 @@ class Skeleton(eqx.Module):
     def pivots(self) -> Float[Array | np.ndarray, "pivots=4 3"]:
         """Wrists and ankles at rest (m), in the order of `PIVOT_NAMES`.
 
-        The palm is the middle of the hand, 0.29 of the way from elbow to palm beyond the wrist (de Leva 1996). The
-        ankle stands behind and above the ball of the foot (Winter; 0.071 and 0.027 of the stature).
+        The wrist is 0.29 of the way from the palm, the middle of the hand, to the elbow (de Leva 1996). The ankle is
+        behind and above the ball of the foot, by 0.071 and 0.027 of the stature (Winter).
         """
         joints, height = self.rest_joints, self.height
         xp = joints.__array_namespace__()
@@ -145,7 +144,7 @@ class Skeleton(eqx.Module):
 
 
 def stretched(skeleton: Skeleton, factors: Float[Array, "bones=14"]) -> Skeleton:
-    """The skeleton with the bone that ends in each joint but the pelvis so many times as long, and its tip likewise."""
+    """Scale the bone that ends in each joint except the pelvis, and the joint's tip, by the joint's factor."""
     rest = jnp.asarray(skeleton.rest_joints)
     offsets = (rest[1:] - rest[_BONE_STARTS]) * factors[:, None]
     reach = (jnp.asarray(skeleton.rest_tips) - rest[_TIP_JOINTS]) * factors[_TIP_JOINTS - 1, None]
@@ -154,7 +153,7 @@ def stretched(skeleton: Skeleton, factors: Float[Array, "bones=14"]) -> Skeleton
 
 
 class Pose(eqx.Module):
-    """Where the pelvis is and how each segment is turned, relative to the template at rest."""
+    """Position of the pelvis and rotation of each segment, relative to the template at rest."""
 
     root: Float[Array | np.ndarray, "*frames 3"]
     """Pelvis in the world (m)."""
@@ -170,7 +169,7 @@ def make_skeleton(rest_joints: np.ndarray, rest_tips: np.ndarray) -> Skeleton:
         rest_tips: ``(5, 3)`` limb tips at rest (m).
 
     Raises:
-        ValueError: The arrays have other shapes, are not finite, or are not a person in metres.
+        ValueError: The arrays have wrong shapes, are not finite, or do not describe a person in metres.
     """
     joints, tips = np.asarray(rest_joints, np.float64), np.asarray(rest_tips, np.float64)
     if joints.shape != (15, 3) or tips.shape != (5, 3):
@@ -210,15 +209,15 @@ def place_segments(
 
 
 def rest_origins(skeleton: Skeleton) -> Float[Array | np.ndarray, "segments=17 3"]:
-    """The point that each segment turns about, at rest (m)."""
+    """The point that each segment turns about, at rest (m, body frame)."""
     joints = skeleton.rest_joints
     return joints.__array_namespace__().concatenate([joints[_ORIGIN_JOINTS], skeleton.pivots])
 
 
 def hinge_axes(skeleton: Skeleton) -> Float[Array | np.ndarray, "hinges=4 3"]:
-    """Axes of left and right elbow and knee at rest: a positive angle bends elbows to the front and knees to the back.
+    """Unit axes of elbows and knees at rest (body frame): positive angles bend elbows to the front, knees to the back.
 
-    Each lies across the upper bone and across the front.
+    Each is perpendicular to the upper bone and to the front.
     """
     joints = skeleton.rest_joints
     xp = joints.__array_namespace__()
@@ -231,7 +230,7 @@ def hinge_axes(skeleton: Skeleton) -> Float[Array | np.ndarray, "hinges=4 3"]:
 def default_adult(stature: float = 1.72) -> Skeleton:
     """An average adult of a given standing height (m).
 
-    Joint centre distances in fractions of the stature: upper arm, forearm, half the palm, thigh, shank and the height
+    Joint distances are fractions of the stature: upper arm, forearm, half the palm, thigh, shank and the height
     of the seventh neck vertebra after de Leva, "Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters",
     J. Biomechanics 29 (1996), men; widths of shoulders and hips after Winter, *Biomechanics and Motor Control of
     Human Movement*. The middle of the head is as far below its top as in the man and the woman of

@@ -1,6 +1,6 @@
-"""Calibrated cameras: pinhole with OpenCV's distortion or fisheye lenses (Sect. 2).
+"""Calibrated cameras: pinhole with OpenCV's distortion or fisheye lenses (Sect. 3).
 
-In: K, R, t, distortion. Out: projections (px), viewing rays (m), rigs compared with each other.
+In: K, R, t, distortion. Out: projections (px), unit viewing rays, comparisons of rigs.
 """
 
 from ._cameras import Cameras as Cameras

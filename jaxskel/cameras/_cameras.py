@@ -1,4 +1,4 @@
-"""Calibrated cameras: validation at the door, projection with skew and the distortion of their lenses.
+"""Calibrated cameras: validation, projection and viewing rays, with skew and lens distortion.
 
 Convention (OpenCV): ``x_cam = R x_world + t``; u to the right, v down, and an integer ``(u, v)`` is the centre of
 a pixel. Lengths are metres, image coordinates pixels.
@@ -25,15 +25,15 @@ class Cameras(eqx.Module):
     t: Float[Array | np.ndarray, "cams 3"]
     """Translation of ``x_cam = R x_world + t`` (m)."""
     dist: Float[Array | np.ndarray, "cams 8"]
-    """OpenCV's k1, k2, p1, p2, k3, k4, k5, k6; of a fisheye lens the k1, k2, k3, k4 of `cv2.fisheye`, then zeros."""
+    """OpenCV's k1, k2, p1, p2, k3, k4, k5, k6; for a fisheye lens k1, k2, k3, k4 of `cv2.fisheye`, then zeros."""
     max_radius: Float[Array | np.ndarray, " cams"]
-    """Undistorted radius (tangent of the angle to the axis) up to which the distortion is one-to-one; of a fisheye lens
-    it stays below that of 90 degrees."""
+    """Undistorted radius (tangent of the angle to the axis) up to which the distortion is one-to-one; below that of 90
+    degrees for a fisheye lens."""
     size: Int[np.ndarray, "cams 2"]
     """Width and height of each image (px)."""
     names: tuple[str, ...] = eqx.field(static=True)
     fisheye: Bool[Array | np.ndarray, " cams"] | None = None
-    """Which lenses are those of `cv2.fisheye`; None where none is, so that such rigs do not pay for the model."""
+    """Mask of the lenses with the model of `cv2.fisheye`; None if there are none, so that such rigs skip this model."""
 
     def __len__(self) -> int:
         return len(self.names)
@@ -54,12 +54,12 @@ class Cameras(eqx.Module):
 
     @property
     def are_fisheye(self) -> Bool[np.ndarray, " cams"]:
-        """Which lenses are those of `cv2.fisheye`."""
+        """Mask of the lenses with the model of `cv2.fisheye`."""
         return np.zeros(len(self), bool) if self.fisheye is None else np.asarray(self.fisheye)
 
     @property
     def bent(self) -> Bool[np.ndarray, " cams"]:
-        """Which lenses do not show straight lines as such."""
+        """Mask of the lenses that do not image straight lines as straight lines."""
         return (np.asarray(self.dist) != 0).any(1) | self.are_fisheye
 
     @property
@@ -89,14 +89,14 @@ def make_cameras(
         t: Translations, ``(cams, 3)`` (m).
         size: Width and height, ``(2,)`` for all cameras or ``(cams, 2)`` (px).
         dist: OpenCV distortion, ``(cams, 4)``, ``(cams, 5)`` or ``(cams, 8)``; none by default.
-        names: One name a camera; ``cam0``, ``cam1``, ... by default.
-        fisheye: Whether the lens model is that of ``cv2.fisheye``, for all cameras or for each: then the first four of
-            its row of `dist` are k1, k2, k3, k4, and the others are zero. The skew is ``K[0, 1]``, which OpenCV's
-            functions take as ``alpha = K[0, 1] / K[0, 0]`` instead. Only what is before the camera is seen, at less
-            than 90 degrees to its axis.
+        names: One name per camera; ``cam0``, ``cam1``, ... by default.
+        fisheye: Whether the lens model is that of ``cv2.fisheye``, for all cameras or each. The first four numbers of
+            its row of `dist` are then k1, k2, k3, k4, and the others are zero. The skew is ``K[0, 1]``, whereas
+            OpenCV's functions take ``alpha = K[0, 1] / K[0, 0]``. Such a camera sees only points in front of it, at
+            less than 90 degrees to its axis.
 
     Raises:
-        ValueError: One line that names the camera, the field and how to mend it.
+        ValueError: The calibration is invalid; one line names the camera, the field and the remedy.
     """
     K, R, t = (floats(name, value) for name, value in (("K", K), ("R", R), ("t", t)))
     if K.ndim != 3 or K.shape[1:] != (3, 3) or len(K) == 0:
@@ -136,7 +136,7 @@ def project(
 ]:
     """Project world points into every camera.
 
-    Works on NumPy arrays (float64, as the carving tables need) and on JAX arrays (differentiable) alike.
+    Works on NumPy arrays (float64, as the carving tables need) and on JAX arrays (differentiable).
 
     Args:
         cameras: The rig.
@@ -151,8 +151,8 @@ def project(
 
 
 def in_cameras(cameras: Cameras, points: Float[Array | np.ndarray, "n 3"]) -> tuple[Any, Any, Any]:
-    """World points in the frame of every camera (m): to the right, down, and along the optical axis, cams x n each."""
-    # Component by component: long rows of numbers, where a product of matrices would leave triples to pick apart.
+    """World points in the coordinates of every camera (m): right, down, and along the optical axis, cams x n each."""
+    # Component by component, because a matrix product would leave triples to be split into long arrays.
     right, low, depth = (
         sum(cameras.R[:, row, axis, None] * points[None, :, axis] for axis in range(3)) + cameras.t[:, row, None]
         for row in range(3)
@@ -161,7 +161,7 @@ def in_cameras(cameras: Cameras, points: Float[Array | np.ndarray, "n 3"]) -> tu
 
 
 def on_images(cameras: Cameras, right: Any, low: Any, depth: Any) -> tuple[Any, Any]:
-    """Where points in the cameras' frames (m, cams x n) are seen, as `project` gives it (px)."""
+    """Project points in camera coordinates (m, cams x n) to u and v (px), as `project` does."""
     xp = depth.__array_namespace__()
     in_front = depth > 1e-6
     safe = xp.where(in_front, depth, 1.0)
@@ -177,7 +177,7 @@ def on_images(cameras: Cameras, right: Any, low: Any, depth: Any) -> tuple[Any, 
 
 
 def lens_slopes(cameras: Cameras, x: Any, y: Any) -> tuple[Any, Any, Any, Any]:
-    """How u moves with x and y, and how v does (px), where x and y are in units of the depth, cams x n."""
+    """Derivatives of u by x and y, then of v by x and y (px), with x and y in units of the depth, cams x n."""
     along_x, across, along_y = slopes(cameras.dist, _by_point(cameras.fisheye), x, y)
     K = cameras.K[:, :, :, None]
     return (
@@ -189,31 +189,31 @@ def lens_slopes(cameras: Cameras, x: Any, y: Any) -> tuple[Any, Any, Any, Any]:
 
 
 def apparent_depth(cameras: Cameras, right: Any, low: Any, depth: Any) -> Any:
-    """How far away (m, cams x n) a thing is that seems a focal length smaller in pixels than it is in metres.
+    """Apparent depth (m, cams x n): a length at a point spans about focal length times length / depth pixels.
 
-    That is the depth for an ordinary lens, which shows planes as planes. A fisheye lens shows angles, so for it it is
-    the distance from the optical centre.
+    For an ordinary lens, which images planes as planes, this is the depth along the axis. A fisheye lens images angles,
+    so for it this is the distance from the optical centre.
     """
     if cameras.fisheye is None:
         return depth
     xp = depth.__array_namespace__()
-    # The root has no derivative at zero, in the optical centre itself, which nobody sees.
+    # The root has no derivative at zero, which is the optical centre itself and is never seen.
     away = xp.sqrt(xp.maximum(right * right + low * low + depth * depth, 1e-12))
     return xp.where(_by_point(cameras.fisheye), away, depth)
 
 
 def _by_point(fisheye: Any) -> Any:
-    """Which lenses are fisheyes, with an axis for points."""
+    """Mask of the fisheye lenses, with an axis for points."""
     return None if fisheye is None else fisheye[:, None]
 
 
 def rays(
     cameras: Cameras, index: int | np.integer | Int[np.ndarray, " n"], uv: Float[np.ndarray, "n 2"]
 ) -> Float[np.ndarray, "n 3"]:
-    """Unit viewing directions in the world of image points (px): the inverse of [`project`][].
+    """Unit viewing directions, in the world, of image points (px): the inverse of [`project`][].
 
-    The points are those of one camera, or each is of the camera that `index` says. NaN where no direction is seen at
-    that point, because it lies beyond the one-to-one range of the distortion.
+    The points are those of one camera, or `index` gives the camera of each. NaN for image points beyond the one-to-one
+    range of the distortion.
     """
     R, directions = np.asarray(cameras.R)[index], rays_in_camera(cameras, index, uv)
     return directions @ R if R.ndim == 2 else np.einsum("ni,nij->nj", directions, R)
@@ -222,7 +222,7 @@ def rays(
 def rays_in_camera(
     cameras: Cameras, index: int | np.integer | Int[np.ndarray, " n"], uv: Float[np.ndarray, "n 2"]
 ) -> Float[np.ndarray, "n 3"]:
-    """The same in the frame of reference of the camera: extrinsics are not used."""
+    """As `rays`, but unit directions in the camera's frame of reference: extrinsics are not used."""
     K, dist, limits = (np.asarray(a)[index] for a in (cameras.K, cameras.dist, cameras.max_radius))
     yd = (uv[:, 1] - K[..., 1, 2]) / K[..., 1, 1]
     xd = (uv[:, 0] - K[..., 0, 2] - K[..., 0, 1] * yd) / K[..., 0, 0]

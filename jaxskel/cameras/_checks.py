@@ -1,4 +1,4 @@
-"""What is asked of a calibration at the door: every fault is one line that names the camera and how to mend it."""
+"""Validation of calibrations: each error is one line that names the camera and the remedy."""
 
 from typing import Any
 
@@ -7,14 +7,14 @@ from jaxtyping import Bool
 
 from ._lens import COEFFICIENTS, FISHEYE_COEFFICIENTS, fisheye_distance
 
-# A camera of a motion-capture room stands within this many metres of what it sees; farther means millimetres.
+# Cameras of a motion-capture room are within this many metres of the scene; larger values are probably millimetres.
 _FARTHEST_CAMERA = 100.0
-# No fisheye lens whose image is a whole circle ends nearer to its axis than this (rad): they see 150 degrees and more.
+# Smallest half-angle of fisheye lenses whose image is a whole circle (rad): they see 150 degrees and more.
 _NARROWEST_FISHEYE = float(np.radians(75.0))
 
 
 def floats(name: str, value: Any) -> np.ndarray:
-    """An argument as an array."""
+    """Convert an argument to a float64 array."""
     try:
         return np.asarray(value, np.float64)
     except (TypeError, ValueError):
@@ -22,7 +22,7 @@ def floats(name: str, value: Any) -> np.ndarray:
 
 
 def check_finite(name: str, array: np.ndarray, labels: tuple[str, ...]) -> None:
-    """Refuse what is not a number."""
+    """Refuse NaN and infinity."""
     if not np.isfinite(array).all():
         i = int(np.argwhere(~np.isfinite(array))[0][0])
         raise ValueError(f"camera {labels[i]} (index {i}): {name} holds NaN or infinity: calibrate that camera again")
@@ -45,7 +45,7 @@ def image_sizes(size: Any, labels: tuple[str, ...]) -> np.ndarray:
 
 
 def fisheyes(given: Any, n: int) -> Bool[np.ndarray, " cams"]:
-    """Which lenses are fisheyes."""
+    """Mask of the fisheye lenses."""
     found = np.asarray(given)
     if found.dtype != bool or found.shape not in ((), (n,)):
         raise ValueError(f"fisheye: give true or false, for all or for each of {n} cameras")
@@ -53,7 +53,7 @@ def fisheyes(given: Any, n: int) -> Bool[np.ndarray, " cams"]:
 
 
 def distortion(dist: Any, labels: tuple[str, ...], fisheye: Bool[np.ndarray, " cams"]) -> np.ndarray:
-    """The coefficients of each lens, filled up with zeros."""
+    """Distortion coefficients of each lens, padded with zeros."""
     n = len(labels)
     full = np.zeros((n, COEFFICIENTS))
     if dist is None:
@@ -76,7 +76,7 @@ def distortion(dist: Any, labels: tuple[str, ...], fisheye: Bool[np.ndarray, " c
 
 
 def check_one(where: str, K: np.ndarray, R: np.ndarray, t: np.ndarray) -> None:
-    """Refuse what is no intrinsic matrix, no rotation, or not in metres."""
+    """Refuse invalid intrinsic matrices, invalid rotations, and translations that are not in metres."""
     if abs(K[2, 2]) < 1e-12 or np.abs(K[2, :2]).max() > 1e-9 * abs(K[2, 2]) or abs(K[1, 0]) > 1e-6 * abs(K[0, 0]):
         raise ValueError(f"{where}: K is not an upper triangular intrinsic matrix: {K.round(3).tolist()}")
     if K[0, 0] / K[2, 2] <= 0 or K[1, 1] / K[2, 2] <= 0:
@@ -97,7 +97,7 @@ def check_one(where: str, K: np.ndarray, R: np.ndarray, t: np.ndarray) -> None:
 
 
 def check_fold(where: str, K: np.ndarray, dist: np.ndarray, limit: float, size: np.ndarray) -> None:
-    """Refuse a fisheye lens that shows nothing in most of its image: its numbers belong to another lens model."""
+    """Refuse a fisheye lens that shows nothing in most of its image: its coefficients are of another lens model."""
     angle, (width, height) = float(np.arctan(limit)), size.tolist()
     away = fisheye_distance(dist[:FISHEYE_COEFFICIENTS], angle)
     (across, u), (down, v) = (K[0, 0] * away, K[0, 2]), (K[1, 1] * away, K[1, 2])

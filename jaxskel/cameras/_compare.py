@@ -1,4 +1,4 @@
-"""How far two calibrations of the same cameras are apart, whatever worlds they are in."""
+"""Difference between two calibrations of the same cameras, independent of their worlds."""
 
 import equinox as eqx
 import numpy as np
@@ -8,24 +8,24 @@ from ._cameras import Cameras
 
 
 class RigDifference(eqx.Module):
-    """Of two rigs, the first brought upon the second by the best similarity."""
+    """Difference of two rigs after the best similarity has aligned the first with the second."""
 
     angles: Float[np.ndarray, " cams"]
-    """Between the rotations of each camera (rad)."""
+    """Angle between the two rotations of each camera (rad)."""
     distances: Float[np.ndarray, " cams"]
-    """Between its optical centres, in the second rig's world (m)."""
+    """Distance between the two optical centres of each camera, in the second rig's world (m)."""
     scale: float
-    """Of the second world by the first."""
+    """Scale of the second world relative to the first."""
 
 
 def compare_rigs(cameras: Cameras, reference: Cameras) -> RigDifference:
-    """Compare extrinsics up to a rigid motion and a scale of the whole rig, which silhouettes cannot tell.
+    """Compare extrinsics up to a rigid motion and a scale of the whole rig, which silhouettes cannot determine.
 
-    The turn of the world is the mean of those that the cameras ask for (chordal mean), scale and shift are the least
-    squares of the optical centres.
+    The rotation between the worlds is the chordal mean over the cameras; scale and translation are the least-squares
+    fit of the optical centres.
 
     Args:
-        cameras: A rig of two cameras or more that do not all stand in one place.
+        cameras: A rig of two cameras or more that are not all in one place.
         reference: The same cameras in the same order.
 
     Raises:

@@ -1,15 +1,14 @@
-"""What was done to a camera's images after it was calibrated: turned, cropped or padded, scaled.
+"""Changes of a camera's images after its calibration: turned, cropped or padded, scaled, in this order.
 
-In this order. Images are turned by quarter turns, then cut out of what was calibrated, or padded to reach beyond it,
-and scaled at last. With integers at the centres of pixels, a point ``(u, v)`` of the calibrated image, which has ``w``
-by ``h`` px, is in the image at
+Images are turned by quarter turns, then cropped or padded relative to the calibrated image, then scaled. With integers
+at the centres of pixels, a point ``(u, v)`` of the calibrated image, which has ``w`` by ``h`` px, moves to
 
     turn = 90:   (h - 1 - v, u)        clockwise
     turn = 180:  (w - 1 - u, h - 1 - v)
     turn = 270:  (v, w - 1 - u)
     crop, scale: u' = scale_x (u - x + 0.5) - 0.5, v' = scale_y (v - y + 0.5) - 0.5
 
-A camera that makes these images has other intrinsics and, where they were turned, is turned about its axis.
+A camera that matches these images has other intrinsics and, if they were turned, is rotated about its axis.
 """
 
 from collections.abc import Sequence
@@ -25,27 +24,26 @@ TURNS = (0, 90, 180, 270)
 
 @dataclass(frozen=True)
 class ImageChange:
-    """What was done to images, in this order."""
+    """Change of images: turned, cropped or padded, scaled, in this order."""
 
     turn: int = 0
     """Degrees, clockwise: one of `TURNS`."""
     crop: tuple[float, float] = (0.0, 0.0)
-    """Where the left and the upper edge of the image lie in the calibrated one once turned (px of that); negative where
-    it was padded there."""
+    """Left and upper edge of the image in the turned calibrated image (px of that); negative where it was padded."""
     scale: tuple[float, float] = (1.0, 1.0)
-    """Pixels of the image for each calibrated one, across and down."""
+    """Image pixels per calibrated pixel, across and down."""
 
     def turned_size(self, calibrated: tuple[float, float]) -> tuple[float, float]:
-        """Width and height of the calibrated images once turned (px)."""
+        """Width and height of the calibrated images after turning (px)."""
         return calibrated if self.turn % 180 == 0 else (calibrated[1], calibrated[0])
 
     def size_of_all(self, calibrated: tuple[float, float]) -> tuple[float, float]:
-        """Width and height of images that show all that was calibrated, and no more (px)."""
+        """Width and height of images that are neither cropped nor padded (px)."""
         width, height = self.turned_size(calibrated)
         return width * self.scale[0], height * self.scale[1]
 
     def matrix(self, calibrated: tuple[float, float]) -> Float[np.ndarray, "3 3"]:
-        """From points of the calibrated images, of this size, to points of the images (px, homogeneous)."""
+        """Homogeneous transform (px) from points of calibrated images of this size to points of the changed images."""
         w, h = calibrated
         turned = {
             0: [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
@@ -64,24 +62,24 @@ def with_images_changed(
     calibrated: Sequence[tuple[float, float]],
     size: Int[np.ndarray, "cams 2"],
 ) -> Cameras:
-    """The cameras that make the changed images: a point is seen where the change moves what the camera saw before.
+    """The cameras that match the changed images: a point is seen where the change moves its old image point.
 
-    Exact, whatever the lens does. Radial distortion is the same in all directions. The tangential one, of normalised
-    points x, is ``|x|^2 p + 2 (p . x) x`` with ``p = (p2, p1)``: it turns if p does.
+    Exact for every lens. Radial distortion is the same in all directions. The tangential distortion of normalised
+    points x is ``|x|^2 p + 2 (p . x) x`` with ``p = (p2, p1)``: it turns if p does.
 
     Args:
-        cameras: As they were calibrated.
-        changes: What was done to the images of each.
-        calibrated: Width and height of the images of each when it was calibrated (px).
-        size: Width and height of its images now (px).
+        cameras: The cameras as calibrated.
+        changes: Change of the images of each camera.
+        calibrated: Width and height of each camera's images when it was calibrated (px).
+        size: Width and height of each camera's images now (px).
     """
     K, R, t, dist = (np.array(a, float) for a in (cameras.K, cameras.R, cameras.t, cameras.dist))
     for c, (change, before) in enumerate(zip(changes, calibrated, strict=True)):
         moved = change.matrix(before) @ K[c]
-        # Intrinsics are upper triangular: what a turn puts below the diagonal is a turn of the camera.
+        # Intrinsics are upper triangular, so what a turn puts below the diagonal becomes a rotation of the camera.
         low = moved[1, :2] / np.hypot(*moved[1, :2])
         turn = np.array([[low[1], -low[0], 0.0], [low[0], low[1], 0.0], [0.0, 0.0, 1.0]])
         K[c], R[c], t[c] = np.triu(moved @ turn.T), turn @ R[c], turn @ t[c]
-        if not cameras.are_fisheye[c]:  # of these no coefficient is tangential
+        if not cameras.are_fisheye[c]:  # fisheye lenses have no tangential coefficients
             dist[c, [3, 2]] = turn[:2, :2] @ dist[c, [3, 2]]
     return replace(cameras, K=K, R=R, t=t, dist=dist, size=np.asarray(size, np.int64))

@@ -1,9 +1,9 @@
-"""The two lens models of OpenCV, from the tangents of a direction to those of its image and back.
+"""OpenCV's two lens models: from tangents of a viewing direction to those of its image, and back.
 
 The ordinary one (rational and tangential) and that of `cv2.fisheye` (J. Kannala and S. Brandt: A Generic Camera Model
-and Calibration Method for Conventional, Wide-Angle, and Fish-Eye Lenses, PAMI 2006): the image of a direction at the
-angle a to the axis is ``a (1 + k1 a^2 + k2 a^4 + k3 a^6 + k4 a^8)`` away from the centre. Which of them a camera has
-is data, so that one program serves rigs of both; a rig without any fisheye lens has None there and does not pay for it.
+and Calibration Method for Conventional, Wide-Angle, and Fish-Eye Lenses, PAMI 2006): a direction at angle a to the axis
+is imaged ``a (1 + k1 a^2 + k2 a^4 + k3 a^6 + k4 a^8)`` away from the centre. The model of each camera is data, so that
+one program serves rigs of both; a rig without fisheye lenses has None there and skips the fisheye model.
 """
 
 from typing import Any
@@ -12,25 +12,25 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 COEFFICIENTS = 8
-"""Numbers that are kept of each lens: k1, k2, p1, p2, k3, k4, k5, k6, or a fisheye lens' k1, k2, k3, k4 and zeros."""
+"""Coefficients stored per lens: k1, k2, p1, p2, k3, k4, k5, k6, or k1, k2, k3, k4 of a fisheye lens and zeros."""
 FISHEYE_COEFFICIENTS = 4
-# Squared tangents below which the angle over its tangent is summed up as a series: its derivative would be the
-# difference of two numbers that are nearly equal.
+# Squared tangents below which angle over tangent is computed as a series: otherwise its derivative would be the
+# difference of two nearly equal numbers.
 _NEAR_AXIS = 0.01
-# Powers in that series; the next term of its derivative would be 5e-17.
+# Highest power of that series; the next term of its derivative would be 5e-17.
 _TERMS = 8
-# Directions of a tangent beyond this are not told from those at the side of the camera: what is seen lies before it.
+# Directions with a larger tangent count as perpendicular to the axis and are not seen.
 _WIDEST = 1e6
-# Halvings of a bracket that no longer can be halved in double precision.
+# Bisection steps, after which a bracket cannot be halved any more in double precision.
 _MOST_STEPS = 64
 
 
 def distorted(dist: Any, fisheye: Any, x: Any, y: Any) -> tuple[Any, Any]:
-    """Where a lens puts tangents; all arguments broadcast, but for the coefficients on the second axis of `dist`."""
+    """Distort tangents; all arguments broadcast, except that the second axis of `dist` holds the coefficients."""
     if fisheye is None:
         return _distorted(dist, x, y)
     xp, (stretch, _) = x.__array_namespace__(), _fisheye_radial(dist, fisheye, x * x + y * y)
-    # At zero the model that is not the lens' own has a value and a derivative, whatever its numbers.
+    # The unused model is evaluated at zero, where value and derivative are always finite.
     u, v = _distorted(dist, xp.where(fisheye, 0.0, x), xp.where(fisheye, 0.0, y))
     return xp.where(fisheye, x * stretch, u), xp.where(fisheye, y * stretch, v)
 
@@ -47,10 +47,10 @@ def _distorted(dist: Any, x: Any, y: Any) -> tuple[Any, Any]:
 
 
 def slopes(dist: Any, fisheye: Any, x: Any, y: Any) -> tuple[Any, Any, Any]:
-    """How the first number of `distorted` moves with x, how it moves with y and the second with x, the second with y.
+    """Derivatives of `distorted`: of the first number by x, of the first by y and the second by x, of the second by y.
 
-    Here the coefficients have no axis for points.
-    By hand, because the derivative that JAX makes of the lens model takes ten times as long.
+    Here the coefficients have no axis for points. Written by hand, because JAX's derivative of the lens model takes ten
+    times as long.
     """
     numbers = tuple(dist[:, i, None] for i in range(COEFFICIENTS))
     _, _, p1, p2, *_ = numbers
@@ -69,7 +69,7 @@ def slopes(dist: Any, fisheye: Any, x: Any, y: Any) -> tuple[Any, Any, Any]:
 
 
 def _radial(numbers: tuple[Any, ...], r2: Any) -> tuple[Any, Any]:
-    """By how much an ordinary lens stretches tangents of the square r2, and twice the derivative of that by r2."""
+    """Factor by which an ordinary lens stretches tangents with square r2, and twice its derivative by r2."""
     k1, k2, _, _, k3, k4, k5, k6 = numbers
     below = 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
     radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / below
@@ -78,7 +78,7 @@ def _radial(numbers: tuple[Any, ...], r2: Any) -> tuple[Any, Any]:
 
 
 def _fisheye_radial(dist: Any, fisheye: Any, r2: Any) -> tuple[Any, Any]:
-    """By how much a fisheye lens stretches tangents of the square r2, and twice the derivative of that by r2."""
+    """Factor by which a fisheye lens stretches tangents with square r2, and twice its derivative by r2."""
     xp = r2.__array_namespace__()
     k1, k2, k3, k4 = (dist[:, i] for i in range(FISHEYE_COEFFICIENTS))
     r2 = xp.where(fisheye, r2, 0.0)
@@ -99,7 +99,7 @@ def _fisheye_radial(dist: Any, fisheye: Any, r2: Any) -> tuple[Any, Any]:
 
 
 def max_radius(dist: Float[np.ndarray, "cams 8"], fisheye: Bool[np.ndarray, " cams"]) -> Float[np.ndarray, " cams"]:
-    """First tangent at which the image stops moving outwards; beyond it, rays fold back into the image."""
+    """Smallest tangent at which the image stops moving outwards; beyond it, rays fold back into the image."""
     return np.array([_fisheye_fold(k) if wide else _fold(k) for k, wide in zip(dist, fisheye, strict=True)])
 
 
@@ -130,7 +130,7 @@ def _fisheye_fold(dist: Float[np.ndarray, "8"]) -> float:
 def undistorted(
     dist: np.ndarray, fisheye: Any, max_radius: Any, xd: Float[np.ndarray, " points"], yd: Float[np.ndarray, " points"]
 ) -> tuple[Float[np.ndarray, " points"], Float[np.ndarray, " points"]]:
-    """The tangents that a lens, or one lens each, puts at some places; NaN where it puts none that are one-to-one."""
+    """The tangents that a lens, or one lens per point, distorts to some points; NaN outside its one-to-one range."""
     if fisheye is None or not np.any(fisheye):
         return _undone(dist, max_radius, xd, yd)
     lenses, limits = np.broadcast_to(dist, (len(xd), COEFFICIENTS)), np.broadcast_to(max_radius, xd.shape)
@@ -159,7 +159,7 @@ def _undone(dist: np.ndarray, max_radius: Any, xd: np.ndarray, yd: np.ndarray) -
 
 
 def _at(dist: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Distorted points of one lens, or of one lens each."""
+    """Distorted points of one lens, or of one lens per point."""
     lenses = np.atleast_2d(dist)[:, :, None]
     xd, yd = _distorted(lenses, x.reshape(len(lenses), -1), y.reshape(len(lenses), -1))
     return xd.reshape(-1), yd.reshape(-1)
@@ -168,7 +168,7 @@ def _at(dist: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.
 def _fisheye_undone(
     dist: np.ndarray, max_radius: np.ndarray, xd: np.ndarray, yd: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Newton's method for the angle, kept between what is too little and what is too much: it always arrives."""
+    """Newton's method for the angle, bracketed by a lower and an upper bound, so that it always converges."""
     k = dist[:, :FISHEYE_COEFFICIENTS]
     away, low, high = np.hypot(xd, yd), np.zeros(xd.shape), np.arctan(max_radius)
     lost = ~(away < fisheye_distance(k, high))
@@ -190,7 +190,7 @@ def _fisheye_undone(
 
 
 def fisheye_distance(k: np.ndarray, angle: Any) -> Any:
-    """How far from the centre a fisheye lens shows what is seen at some angles to its axis, in focal lengths."""
+    """Distance from the image centre (focal lengths) at which a fisheye lens images an angle to its axis (rad)."""
     t = angle**2
     return angle * (1 + t * (k[..., 0] + t * (k[..., 1] + t * (k[..., 2] + t * k[..., 3]))))
 

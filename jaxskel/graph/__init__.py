@@ -1,6 +1,6 @@
 """The skeletal graph of a hull (Sect. 3.1).
 
-In: `VisualHulls`. Out: a `SkeletalGraph` a frame: a tree of centre-line nodes rooted at the head, pruned. Root finder
+In: `VisualHulls`. Out: a `SkeletalGraph` per frame: a pruned tree of centre-line nodes rooted at the head. Root finder
 and skeletoniser are arguments.
 """
 

@@ -1,8 +1,8 @@
-"""Hulls by cells of 2 x 2 x 2 voxels, of which any two are neighbours: what a cell holds is connected.
+"""Hulls as cells of 2 x 2 x 2 voxels; all voxels of a cell are neighbours, so each cell is connected.
 
-A cell is a byte, one bit a voxel. Two cells beside each other are connected if both have voxels where they touch:
-over a face any of four meet any of four, over an edge any two of two, over a corner one meets one. So cells are
-connected exactly as their voxels are, and there are a sixth as many of them.
+A cell is a byte, one bit per voxel. Two neighbouring cells are connected if both have voxels where they touch: across a
+face any of four with any of four, across an edge any of two with any of two, across a corner one with one. So cells are
+connected exactly as their voxels are (26-neighbourhood), and there are a sixth as many of them.
 """
 
 from dataclasses import dataclass
@@ -15,21 +15,21 @@ from ..hull import VisualHulls
 _CORNERS = np.array(list(np.ndindex(2, 2, 2)))
 _AROUND = np.array([way for way in np.ndindex(3, 3, 3) if way != (1, 1, 1)]) - 1
 WAYS = len(_AROUND)
-"""Number of cells around a cell. Of two opposite ways one stands as far from the first as the other from the last."""
+"""Number of neighbours of a cell. Opposite directions have mirrored indices: the first and the last, and so on."""
 
 
 def _touching(way: np.ndarray) -> int:
-    """The voxels of a cell that touch the cell on a way, as bits."""
+    """The voxels of a cell that touch its neighbour in direction `way`, as bits."""
     beside = ((way <= 0) | (_CORNERS == 1)) & ((way >= 0) | (_CORNERS == 0))
     return int((beside.all(1) << np.arange(8)).sum())
 
 
 HERE = np.array([_touching(way) for way in _AROUND], np.uint8)
-"""By way, the voxels of a cell that touch the cell there."""
+"""For each direction, the voxels of a cell that touch its neighbour there, as bits."""
 THERE = np.array([_touching(-way) for way in _AROUND], np.uint8)
-"""And the voxels of that cell that touch this one."""
+"""For each direction, the voxels of that neighbour that touch this cell, as bits."""
 
-# By byte: how many voxels, from where to where they reach, and where their centres are in the mean (voxels).
+# For each byte: number of voxels, their lower and upper bounds, and the mean of their centres (voxels).
 _HELD = (np.arange(256)[:, None] >> np.arange(8)) % 2 == 1
 _COUNT = _HELD.sum(1)
 _LOW = np.where(_HELD[..., None], _CORNERS, 2).min(1)
@@ -40,32 +40,32 @@ _BITS = 2.0 ** np.arange(8)
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """The cells of some frames, each in a box of its own with an empty margin, box after box, all of the same size.
+    """The cells of some frames: a box with an empty margin for each frame, all of the same size, one after the other.
 
-    So a neighbour is a constant number of cells away.
+    A neighbour is therefore at a constant index offset.
     """
 
     codes: UInt8[np.ndarray, " cells"]
-    """The voxels of each cell, as bits."""
+    """Occupied voxels of each cell, as bits."""
     steps: Int[np.ndarray, " ways"]
-    """How many cells away the next one is, by way."""
+    """Index offset of the neighbour in each direction."""
     rows: Float[np.ndarray, "rows 3"]
-    """Where each row of cells along z begins (m)."""
+    """Lower corner of each row of cells along z, in the world (m)."""
     depth: int
-    """Cells of a row."""
+    """Number of cells per row."""
     spacing: float
     """Edge of a voxel (m)."""
     tables: tuple[Float[np.ndarray, "codes 3"], Float[np.ndarray, "codes 3"], Float[np.ndarray, "codes 3"]]
-    """By byte, from the cell's corner: least and greatest x, y, z of the voxels, and the mean of their centres (m)."""
+    """For each byte, relative to the cell's corner: lower bounds, upper bounds and mean centre of its voxels (m)."""
 
     def middles(self, some: Int[np.ndarray, " some"]) -> Float[np.ndarray, "some 3"]:
-        """Mean of the centres of the voxels of some cells (m)."""
+        """Mean of the voxel centres of some cells, in the world (m)."""
         corners = self._corners(some)
         corners += self.tables[2].take(self.codes.take(some), 0)
         return corners
 
     def measured(self, some: Int[np.ndarray, " some"]) -> tuple[Int[np.ndarray, " some"], list[np.ndarray]]:
-        """Of some cells the number of voxels, and what `tables` has, in the world."""
+        """Number of voxels of some cells, and the positions of `tables` in the world (m)."""
         corners, codes = self._corners(some), self.codes.take(some)
         return _COUNT.take(codes), [corners + table.take(codes, 0) for table in self.tables]
 
@@ -77,16 +77,16 @@ class Cells:
 
 
 def cells_of(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> tuple[Cells, Int[np.ndarray, " frames"]]:
-    """Put the voxels of some hulls, none of them empty, into cells.
+    """Group the voxels of some hulls, none of them empty, into cells.
 
-    A cell begins at even x, y and z of the grid, so that the cells of a person at rest stay the same.
+    Cells begin at even grid indices, so that the cells of a person at rest stay the same.
 
     Args:
-        hulls: The hulls.
+        hulls: Hulls of some frames.
         roots: For each frame the index into ``hulls.voxels`` of its root.
 
     Returns:
-        The cells, and those of the roots.
+        The cells, and the index of each root's cell.
     """
     axes = np.ascontiguousarray(hulls.voxels.T)
     own = [axes.take(inside.nonzero()[0], 1) for inside in hulls.inside]

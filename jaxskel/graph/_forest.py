@@ -1,6 +1,6 @@
-"""Trees of a batch side by side: one pass over the nodes' numbers measures them all.
+"""Trees of a batch, padded side by side: one pass over the node indices measures all of them.
 
-Every function here is a recursion from parents to children or back. Node by node it costs as many calls for all trees
+Every function here is a recursion from parents to children or back. Node by node, it takes as many calls for all trees
 as for the largest one.
 """
 
@@ -14,11 +14,11 @@ from jaxtyping import Bool, Float, Int
 
 @runtime_checkable
 class Tree(Protocol):
-    """Nodes of which each stands behind its parent; node 0 is the root."""
+    """Nodes ordered such that each parent precedes its children; node 0 is the root."""
 
     @property
     def positions(self) -> Float[np.ndarray, "nodes 3"]:
-        """Nodes in the world (m)."""
+        """Node positions in the world (m)."""
         ...
 
     @property
@@ -32,7 +32,7 @@ class Forest:
     """Trees padded to the same number of nodes."""
 
     positions: Float[np.ndarray, "trees nodes 3"]
-    """(m); zero in the padding."""
+    """Node positions in the world (m); zero in the padding."""
     parents: Int[np.ndarray, "trees nodes"]
     """Parent of each node; 0 for the root and in the padding."""
     count: Int[np.ndarray, " trees"]
@@ -40,7 +40,7 @@ class Forest:
 
     @property
     def real(self) -> Bool[np.ndarray, "trees nodes"]:
-        """Which nodes are there."""
+        """Mask of the nodes that are not padding."""
         return np.arange(self.parents.shape[1]) < self.count[:, None]
 
     @property
@@ -59,17 +59,17 @@ class Forest:
 
     @property
     def leaves(self) -> Bool[np.ndarray, "trees nodes"]:
-        """Nodes without children, the root not among them."""
+        """Mask of the nodes without children, except the root."""
         leaf = self.real
         trees, children = np.nonzero(leaf)
-        leaf[trees, self.parents[trees, children]] = False  # the root, its own parent here, too
+        leaf[trees, self.parents[trees, children]] = False  # also the root, which is its own parent here
         return leaf
 
     @property
     def end_nodes(self) -> Int[np.ndarray, "trees ends"]:
         """The root, then the leaves in ascending geodesic distance from it (the paper's omega_1 ... omega_N).
 
-        As many as the tree with the most has; -1 behind those that there are.
+        Padded with -1 to the largest number of end nodes in the batch.
         """
         leaves = self.leaves
         key = np.where(leaves, self.depths, np.inf)
@@ -94,16 +94,16 @@ class Forest:
         distance[:, 0] = np.take_along_axis(self.depths, sources, 1)
         for node in range(1, nodes):
             distance[:, node] = distance[rows, self.parents[:, node]] + step[:, node]
-        return np.abs(distance)  # rounding leaves -1e-17 where a source meets itself
+        return np.abs(distance)  # rounding leaves -1e-17 at the source itself
 
     def unpruned(self, min_length: float) -> Bool[np.ndarray, "trees nodes"]:
-        """What is left when short branches are removed.
+        """Mask of the nodes that remain when short branches are removed.
 
-        At every branching node the deepest branch goes on; another branch is removed with all that hangs on it where
-        it reaches less than `min_length` (m) beyond the branching node.
+        At every branching node the deepest branch stays. Another branch is removed with its whole subtree if it reaches
+        less than `min_length` (m) beyond the branching node.
         """
         lengths = self.edge_lengths
-        # Node by node of all trees side by side.
+        # Transposed, because all trees advance together node by node.
         up = (self.parents * len(lengths) + np.arange(len(lengths))[:, None]).T.copy()
         edges = lengths.T.copy()
         below = np.zeros_like(edges)  # how far the subtree below a node reaches
@@ -113,15 +113,15 @@ class Forest:
             flat[parent] = np.maximum(flat.take(parent), below[node] + edges[node])
         reach = below.T
         through = reach + lengths
-        # Of the children through which a node reaches farthest the first one goes on; the root is nobody's child.
+        # The deepest child continues the branch, the first one in case of a tie; the root is nobody's child.
         trees, farthest = np.nonzero(self.real & (through == np.take_along_axis(reach, self.parents, 1)))
         trees, farthest = trees[farthest > 0], farthest[farthest > 0]
         deepest = np.zeros_like(self.parents)
-        deepest[trees[::-1], self.parents[trees, farthest][::-1]] = farthest[::-1]  # the last write stays
+        deepest[trees[::-1], self.parents[trees, farthest][::-1]] = farthest[::-1]  # the last write wins
         goes_on = np.take_along_axis(deepest, self.parents, 1) == np.arange(lengths.shape[1])
         kept = goes_on | (through >= min_length)
         kept[:, 0] = True
-        # A node stays if all above it do: each looks twice as far up as the time before.
+        # A node stays only if all its ancestors stay: each round looks twice as far up as the one before.
         above = self.parents
         while above.any():
             kept &= np.take_along_axis(kept, above, 1)
@@ -130,7 +130,7 @@ class Forest:
 
 
 def forest_of(trees: Sequence[Tree]) -> Forest:
-    """Some trees side by side."""
+    """Pad some trees into a `Forest`."""
     count = np.array([len(tree.parents) for tree in trees], np.int64)
     positions = np.zeros((len(trees), int(count.max(initial=1)), 3))
     parents = np.zeros(positions.shape[:2], np.int64)

@@ -17,7 +17,7 @@ def skeletal_graphs(
     min_branch: float = 0.24,
     skeletoniser: Skeletoniser | None = None,
 ) -> list[SkeletalGraph]:
-    """Draw the graph of each hull and prune it (Sect. 3.1)."""
+    """Pruned graph of each hull (Sect. 3.1): `roots` index ``hulls.voxels``, branches are at least `min_branch` (m)."""
     graphs = prune_all((skeletoniser or VoxelScooping()).skeletonise(hulls, roots), min_branch)
     many = 1 + forest_of(graphs).leaves.sum(1) > MAX_ENDS
     return [limit_ends(graph, MAX_ENDS) if m else graph for graph, m in zip(graphs, many, strict=True)]
@@ -26,5 +26,5 @@ def skeletal_graphs(
 def person_graphs(
     hulls: VisualHulls, skeleton: Skeleton, root_finder: RootFinder, min_branch: float, skeletoniser: Skeletoniser
 ) -> list[SkeletalGraph]:
-    """The pruned graph of the person in each hull, rooted where the root finder says."""
+    """Pruned graph (m, in the hulls' world) of the person in each hull, rooted at the voxel of the root finder."""
     return skeletal_graphs(hulls, root_finder.roots(hulls, skeleton), min_branch, skeletoniser)

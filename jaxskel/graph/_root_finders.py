@@ -1,6 +1,6 @@
-"""Where the graph of a person starts: at the highest voxel, as in the paper, or on top of the ball of the head.
+"""Root finders: the graph starts at the highest voxel, as in the paper (Sect. 3.1), or at the top of the head.
 
-A root finder is an object with ``roots(hulls, skeleton)``; [`scoop`][jaxskel.graph.scoop] takes what it gives.
+A root finder is an object with ``roots(hulls, skeleton)``; [`scoop`][jaxskel.graph.scoop] takes its result.
 """
 
 from typing import Protocol, runtime_checkable
@@ -12,7 +12,7 @@ from jaxtyping import Bool, Int, UInt8
 from ..body import Skeleton
 from ..hull import VisualHulls, bodies_among
 
-_STATURE = 1.75  # of the body that the sizes below belong to (m)
+_STATURE = 1.75  # stature for which the sizes below hold (m)
 
 
 @runtime_checkable
@@ -25,7 +25,7 @@ class RootFinder(Protocol):
 
 
 class HighestVoxel(eqx.Module):
-    """The paper's rule: the highest voxel; of several equally high ones, the one nearest to their middle."""
+    """The paper's rule (Sect. 3.1): the highest voxel; of equally high ones, the one nearest to their mean."""
 
     def roots(self, hulls: VisualHulls, skeleton: Skeleton) -> Int[np.ndarray, " frames"]:
         """Index into ``hulls.voxels`` of the root of each person's graph; 0 for an empty hull."""
@@ -36,28 +36,28 @@ class HighestVoxel(eqx.Module):
 
 
 class HeadBall(eqx.Module):
-    """The head by its thickness: a ball that fits into the head fits into no neck and no arm.
+    """Finds the head by its thickness: a ball that fits into the head fits into neither neck nor arms.
 
-    What lies deep below the surface of a hull falls apart into the cores of head, trunk and thighs. The core whose
-    middle is highest is the head's, whether a hand is raised above it or the head is bent below the shoulders. Where
-    that core is larger than a head's, a thick neck joins it to the trunk's, and the next depth is tried; where none
-    parts them, the first depth stands, and where there is no core at all, the highest voxel. The root is the voxel
-    at the surface straight above the core's highest one, so ways along the graph start at the top of the head.
+    The voxels deep below the surface of a hull form separate cores of head, trunk and thighs. The core with the highest
+    mean is the head's, even if a hand is raised above it or the head is bent below the shoulders. If that core is too
+    large for a head, a thick neck joins it to the trunk's core, and the next depth is tried. If no depth separates the
+    two, the first depth is used; if there is no core at all, the highest voxel is the root. Otherwise the root is the
+    surface voxel straight above the highest voxel of the core, so paths along the graph start at the top of the head.
 
-    All sizes belong to a body of 1.75 m; they are scaled with the skeleton's stature.
+    All sizes hold for a body of 1.75 m; they are scaled with the skeleton's stature.
     """
 
     depths: tuple[float, ...] = (0.050, 0.055, 0.060)
-    """How deep below the surface a core begins (m), shallow first: less than half the breadth of a head, about 76 mm,
-    more than half the thickness of an arm; half a neck's lies in between. On 1200 hulls of two realistic bodies every
-    head was found with any of them after the first; at 45 mm raised upper arms have cores of their own."""
+    """Depths below the surface at which a core begins (m), ascending: below half the breadth of a head, about 76 mm,
+    above half the thickness of an arm; half a neck's lies in between. On 1200 hulls of two realistic bodies any depth
+    after the first found every head; at 45 mm raised upper arms have cores of their own."""
     least_core: float = 20e-6
-    """A smaller core is a speck (m^3). Those of heads measured 70e-6 to 390e-6 at 50 to 57 mm, on the same hulls."""
+    """Smaller cores are specks (m^3). Cores of heads measured 70e-6 to 390e-6 at 50 to 57 mm, on the same hulls."""
     most_core: float = 600e-6
-    """A larger core is not the head's alone (m^3)."""
+    """Larger cores contain more than the head (m^3)."""
     overtopped: float = 0.160
-    """Where another core reaches this much higher (m), a thick neck joins the head to it, and it is the head's: the
-    core of a head that is bent below the shoulders is not that far below theirs."""
+    """If another core reaches this much higher (m), a thick neck joins the head to it, so it counts as the head's: the
+    core of a head bent below the shoulders is not that far below theirs."""
 
     def roots(self, hulls: VisualHulls, skeleton: Skeleton) -> Int[np.ndarray, " frames"]:
         """Index into ``hulls.voxels`` of the root of each person's graph; 0 for an empty hull."""
@@ -81,14 +81,14 @@ class HeadBall(eqx.Module):
 
 
 def deep_voxels(hulls: VisualHulls, frames: Int[np.ndarray, " some"], depth: float) -> Bool[np.ndarray, "some voxels"]:
-    """Voxels of some frames whose centre lies `depth` (m) or more below the surface of the hull.
+    """Mask of the voxels of some frames whose centre lies `depth` (m) or more below the surface of the hull.
 
-    The surface is taken to be half a voxel before the centre of the nearest empty voxel, so that the answer does not
-    drift with the spacing. Outside of the grid everything is empty.
+    The surface is taken half a voxel before the centre of the nearest empty voxel, so that the result does not depend
+    on the spacing. Everything outside the grid is empty.
     """
     radius = depth / hulls.grid.spacing + 0.5
     deep = np.zeros((len(frames), len(hulls.voxels)), bool)
-    for start in range(0, len(frames), 8):  # eight frames at once, a bit each
+    for start in range(0, len(frames), 8):  # eight frames at once, one bit each
         bits = np.zeros(len(hulls.voxels), np.uint8)
         for bit, frame in enumerate(frames[start : start + 8]):
             bits |= hulls.inside[frame].view(np.uint8) << np.uint8(bit)
@@ -103,7 +103,7 @@ def _eroded(
 ) -> UInt8[np.ndarray, " voxels"]:
     """Clear the bits of voxels that have an empty voxel nearer than `radius` (voxels).
 
-    A ball is a stack of columns along z: the columns of each length are intersected once for all voxels, then
+    The ball is a stack of columns along z: the erosion by each length of column is computed once for all voxels, then
     shifted along x and y.
     """
     used = np.flatnonzero(bits)
@@ -113,7 +113,7 @@ def _eroded(
     reach = int(np.ceil(radius))
     axes = [axis.take(used) for axis in np.ascontiguousarray(voxels.T, np.int64)]
     low = np.array([axis.min() for axis in axes]) - reach
-    shape = np.array([axis.max() for axis in axes]) + reach + 1 - low  # a margin, so that no shift leads around an edge
+    shape = np.array([axis.max() for axis in axes]) + reach + 1 - low  # a margin, so that shifts do not wrap around
     strides = np.array([shape[1] * shape[2], shape[2], 1])
     flat = sum((stride * axis for stride, axis in zip(strides, axes, strict=True)), -low @ strides)
     columns = [np.zeros(int(np.prod(shape)), np.uint8)]
@@ -139,7 +139,7 @@ def _eroded(
 
 
 def _highest(hulls: VisualHulls, own: Int[np.ndarray, " own"]) -> int:
-    """Of some voxels the highest one; of several equally high ones, the one nearest to their middle."""
+    """The highest of some voxels; of equally high ones, the one nearest to their mean."""
     heights = hulls.voxels[own, 2]
     top = own[heights == heights.max()]
     places = hulls.voxels[top]
@@ -149,9 +149,9 @@ def _highest(hulls: VisualHulls, own: Int[np.ndarray, " own"]) -> int:
 def _highest_core(
     hulls: VisualHulls, own: Int[np.ndarray, " own"], least: float, lead: float
 ) -> Int[np.ndarray, " core"]:
-    """The connected part of some voxels whose middle is highest, or one that reaches `lead` voxels higher still.
+    """The connected body with the highest mean, or else one whose top is more than `lead` voxels higher.
 
-    Specks are left out; the result is empty where all are specks.
+    Bodies of fewer than `least` voxels are ignored; the result is empty if all are.
     """
     bodies = bodies_among(hulls.voxels[own], hulls.grid)
     body, sizes = bodies.voxels_of(0), bodies.sizes
@@ -169,7 +169,7 @@ def _highest_core(
 
 
 def _straight_up(hulls: VisualHulls, frame: int | np.integer, voxel: int) -> int:
-    """Go up from a voxel to the surface of the hull. The next voxel of a column is the next in the grid's order."""
+    """Go up from a voxel to the surface of the hull. The next voxel of a column is the next in grid order."""
     while (
         voxel + 1 < len(hulls.voxels)
         and hulls.inside[frame, voxel + 1]

@@ -1,13 +1,13 @@
 """Voxel scooping (Rodriguez et al. 2009; Sect. 3.1): hulls to skeletal graphs, all frames of a batch at once.
 
-From the root a wave of clusters runs through the body. In each round a cluster scoops up what is unvisited and touches
-it; what is connected among that becomes a new cluster with a node on the centre-line, and the cluster grows to all that
-is connected within its own radius of that node. A wave that falls apart makes a branch.
+A wave of clusters runs from the root through the body. In each round a cluster scoops up the unvisited cells that touch
+it. Each connected component of these becomes a new cluster with a node on the centre-line, and grows to all connected
+cells within its own radius of that node. A wave that splits makes a branch.
 
 Clusters are made of cells of 2 x 2 x 2 voxels, which are connected as their voxels are (`_cells.py`): there are six
-times fewer of them, and the wave takes half as many steps. A thin limb is drawn with a node every other voxel.
+times fewer of them, and the wave takes half as many steps. A thin limb gets a node every other voxel.
 
-Frames are disjoint: the result of a frame does not depend on what else is in the batch.
+Frames are independent: the result of a frame does not depend on the rest of the batch.
 """
 
 import numpy as np
@@ -19,7 +19,7 @@ from ._cells import Cells, cells_of
 from ._skeletal_graph import SkeletalGraph
 from ._wavefront import Wave, stable_order
 
-# So many voxels are worked on at once: of the boxes around hulls, a byte each, and of the hulls, where they take more.
+# Voxels processed at once, which bounds the memory: in the boxes around hulls (a byte each), and in hulls (more bytes).
 _MOST_IN_BOXES = 200_000_000
 _MOST_IN_HULLS = 4_000_000
 
@@ -27,20 +27,19 @@ _MOST_IN_HULLS = 4_000_000
 def scoop(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[SkeletalGraph]:
     """Extract the skeletal graph of each hull.
 
-    Node positions follow the paper's source: ``N = P + 0.5^s (centroid - P)`` with the parent node P and the ratio s
-    of the smaller to the larger cluster extent of the two, which keeps nodes on the centre-line. But end nodes
-    come to lie in the middle of the outermost voxels of their clusters, of all those together that have the same
-    parent: how much of a limb is left for the last round, and into how many corners that falls, is chance, where the
-    limb ends is not. Where two clusters
-    reach for the same cell, the one of the earlier node gets it; new nodes are numbered by frame, parent node,
-    decreasing number of cells, then first cell, so the same voxels always give the same graph.
+    Node positions follow Rodriguez et al.: ``N = P + 0.5^s (centroid - P)`` with the parent node P and the ratio s of
+    the smaller to the larger extent of the two clusters, which keeps nodes on the centre-line. In addition, end nodes
+    move to the centroid of the outermost voxels of all sibling clusters, because the size of the last cluster, and into
+    how many it splits, is arbitrary. If two clusters reach the same cell, the one of the earlier node gets it. New
+    nodes are numbered by frame, parent node, decreasing number of cells, then first cell, so the same voxels always
+    give the same graph.
 
     Args:
         hulls: Occupied voxels of some frames.
         roots: For each frame, the index into ``hulls.voxels`` of the root (the head).
 
     Returns:
-        One graph a frame, in the hulls' world (m). Voxels that are not connected to the root have no part in it.
+        One graph per frame, in the hulls' world (m). Voxels that are not connected to the root are ignored.
 
     Raises:
         ValueError: A hull is empty.
@@ -72,7 +71,7 @@ def _scoop(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[Skelet
         labels, parents = _ranked(wave.components(reached, owners), owners)
         made, radius = nodes.place(cells, reached.take(stable_order(labels)), np.bincount(labels), parents)
 
-        # Grow: what lies too far from the node is left for the next round, with the cluster that saw it.
+        # Grow: cells too far from the node are left for the next round, with the cluster that reached them.
         front, owners = reached, labels
         later: list[tuple[np.ndarray, np.ndarray]] = []
         nodes.hold(front, owners)
@@ -90,7 +89,7 @@ def _scoop(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[Skelet
 
 
 def _lengths(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
-    """What `numpy.linalg.norm` gives, in a third of the time."""
+    """The same as `numpy.linalg.norm` along the last axis, in a third of the time."""
     return np.sqrt(np.einsum("ni,ni->n", vectors, vectors))
 
 
@@ -108,14 +107,14 @@ def _ranked(
 
 
 class _Nodes:
-    """Nodes as they are made, round by round."""
+    """The nodes made so far, round by round."""
 
     def __init__(self, frames: Int[np.ndarray, " frames"], roots: Float[np.ndarray, "frames 3"], spacing: float):
         self.frames = [frames]
         self.positions = [roots]
         self.parents = [np.full(len(frames), -1)]
         self.extents = [np.full(len(frames), np.sqrt(3) * spacing)]
-        self._first = 0  # number of the first node of the last round
+        self._first = 0  # index of the first node of the last round
         self._held = [(frames[:0], frames[:0])]
 
     def place(
@@ -125,16 +124,16 @@ class _Nodes:
         sizes: Int[np.ndarray, " clusters"],
         parents: Int[np.ndarray, " clusters"],
     ) -> tuple[Float[np.ndarray, "clusters 3"], Float[np.ndarray, " clusters"]]:
-        """Add one node for each cluster of cells, which come cluster by cluster.
+        """Add one node for each cluster of cells.
 
         Args:
             cells: All cells.
-            members: Those of the clusters.
+            members: Indices of the clusters' cells, cluster by cluster.
             sizes: Number of cells of each cluster.
-            parents: Node that each cluster comes from, counted from the first one of the last round.
+            parents: Parent node of each cluster, counted from the first node of the last round.
 
         Returns:
-            Their positions, and the distance of each from the farthest of its cells (m).
+            Positions of the nodes in the world, and the distance of each to the farthest of its cells (m).
         """
         starts = sizes.cumsum() - sizes
         counts, (low, high, middles) = cells.measured(members)
@@ -153,11 +152,11 @@ class _Nodes:
         return position, radius
 
     def hold(self, some: Int[np.ndarray, " n"], owners: Int[np.ndarray, " n"]) -> None:
-        """Cells of the clusters of the last round, and whose they are."""
+        """Store cells of the last round's clusters, and the cluster of each."""
         self._held.append((some, owners + self._first))
 
     def move_ends(self, cells: Cells) -> None:
-        """Put end nodes where their clusters' outermost voxels are, two deep as seen from the parent they share."""
+        """Move end nodes to the centroid of the outermost voxels, two deep seen from the parent, of all siblings."""
         positions, parents = np.concatenate(self.positions), np.concatenate(self.parents)
         last = parents >= 0
         last[parents[last]] = False
@@ -178,7 +177,7 @@ class _Nodes:
         self.positions = [positions]
 
     def graphs(self, count: int) -> list[SkeletalGraph]:
-        """One graph for each frame."""
+        """One graph per frame."""
         positions, parents = np.concatenate(self.positions), np.concatenate(self.parents)
         frames, extents = np.concatenate(self.frames), np.concatenate(self.extents)
         order = np.argsort(frames, kind="stable")

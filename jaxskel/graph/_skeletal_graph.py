@@ -1,4 +1,4 @@
-"""The skeletal graph: a tree of centre-line nodes rooted at the head, its geodesics, its end nodes, its pruning."""
+"""The skeletal graph: a tree of centre-line nodes rooted at the head, with geodesics, end nodes and pruning."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,19 +9,19 @@ from jaxtyping import Bool, Float, Int
 from ._forest import forest_of
 
 MAX_ENDS = 16
-"""A graph with more end nodes than this is pruned further: batches of end nodes are padded to so many."""
+"""Graphs with more end nodes are pruned further, because batches of end nodes are padded to this number."""
 
 
 @dataclass(frozen=True, eq=False)
 class SkeletalGraph:
-    """A tree of nodes along the centre-lines of a body (the paper's G). A parent stands before its children."""
+    """A tree of nodes along the centre-lines of a body (the paper's G). Parents precede their children."""
 
     positions: Float[np.ndarray, "nodes 3"]
-    """Nodes in the world (m). Node 0 is the root."""
+    """Node positions in the world (m). Node 0 is the root."""
     parents: Int[np.ndarray, " nodes"]
     """Parent of each node; -1 for the root."""
     radii: Float[np.ndarray, " nodes"]
-    """Half the diagonal of the box around the voxels that each node stands for (m)."""
+    """Half the diagonal of the box around the voxels that each node represents (m)."""
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -55,20 +55,20 @@ class SkeletalGraph:
 def prune(graph: SkeletalGraph, min_length: float = 0.1) -> SkeletalGraph:
     """Remove very short branches (Sect. 3.1).
 
-    At every branching node the deepest branch goes on; another branch is removed with all that hangs on it where it
-    reaches less than `min_length` (m) beyond the branching node.
+    At every branching node the deepest branch stays. Another branch is removed with its whole subtree if it reaches
+    less than `min_length` (m) beyond the branching node.
     """
     return prune_all([graph], min_length)[0]
 
 
 def prune_all(graphs: Sequence[SkeletalGraph], min_length: float = 0.1) -> list[SkeletalGraph]:
-    """[`prune`][] some graphs."""
+    """Apply [`prune`][] to some graphs."""
     kept = forest_of(graphs).unpruned(min_length)
     return [graph.keep(mine[: len(graph)]) for graph, mine in zip(graphs, kept, strict=True)]
 
 
 def limit_ends(graph: SkeletalGraph, most: int) -> SkeletalGraph:
-    """Prune ever longer branches until at most `most` end nodes (two or more) are left, the root among them."""
+    """Prune ever longer branches until at most `most` end nodes (two or more) are left, including the root."""
     length = 0.05
     while len(graph.end_nodes) > most:
         length *= 1.2

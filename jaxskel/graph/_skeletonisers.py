@@ -1,4 +1,4 @@
-"""How the curve skeleton of a hull is drawn.
+"""Skeletonisers: how the curve skeleton of a hull is extracted.
 
 A skeletoniser is an object with ``skeletonise(hulls, roots)``; `GraphSettings` takes it.
 """
@@ -16,10 +16,10 @@ from ._skeletal_graph import SkeletalGraph
 
 @runtime_checkable
 class Skeletoniser(Protocol):
-    """Draws the curve skeleton of each hull as a tree."""
+    """Extracts the curve skeleton of each hull as a tree."""
 
     def skeletonise(self, hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[SkeletalGraph]:
-        """One graph a frame, in the hulls' world (m), not pruned.
+        """One graph per frame, in the hulls' world (m), not pruned.
 
         Args:
             hulls: Occupied voxels of some frames, none of them empty.
@@ -29,8 +29,8 @@ class Skeletoniser(Protocol):
 
 
 class VoxelScooping(eqx.Module):
-    """The paper's way (Sect. 3.1), see [`scoop`][jaxskel.graph.scoop]."""
+    """Voxel scooping, the paper's skeletoniser (Sect. 3.1), see [`scoop`][jaxskel.graph.scoop]."""
 
     def skeletonise(self, hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[SkeletalGraph]:
-        """One graph a frame, in the hulls' world (m), not pruned."""
+        """One graph per frame, in the hulls' world (m), not pruned."""
         return scoop(hulls, roots)

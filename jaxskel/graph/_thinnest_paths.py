@@ -1,4 +1,4 @@
-"""A curve skeleton of shortest paths through the middle of the hull, after TEASAR (Sato et al. 2000)."""
+"""Curve skeletons from shortest paths through the middle of the hull, after TEASAR (Sato et al. 2000)."""
 
 import equinox as eqx
 import numpy as np
@@ -11,35 +11,35 @@ from scipy.spatial import KDTree
 from ..hull import VisualHulls
 from ._skeletal_graph import SkeletalGraph
 
-# The last nodes of a path, whose depth tells how thick the limb is at its end.
+# Number of last nodes of a path, whose depths measure how thick the limb is at its end.
 _END = 8
-# Voxels this much nearer to the root than the farthest one are outermost still (voxels).
+# Voxels up to this much nearer to the root than the farthest one count as outermost (voxels).
 _OUTERMOST = 2.0
 # Half of the 26 neighbours of a voxel; the others are their opposites.
 _STEPS = np.array([s for s in np.ndindex(3, 3, 3) if s > (1, 1, 1)]) - 1
 
 
 class ThinnestPaths(eqx.Module):
-    """Draws the curve skeleton of a hull along paths that stay in its middle (TEASAR).
+    """Extracts the curve skeleton of a hull along paths that stay in its middle (TEASAR).
 
-    A path costs more the nearer it comes to the surface. From the root, the path to the farthest voxel is drawn first;
-    the voxels around it are taken as explained by it; then the path to the farthest voxel that is left, until none is.
-    All paths belong to one tree of cheapest paths, so they join where limbs do. A node stands at every voxel of a path.
-    As with voxel scooping, end nodes lie in the middle of the outermost voxels of a limb.
+    A path costs more the nearer it is to the surface. The path from the root to the farthest voxel is drawn first, and
+    the voxels around it count as explained. The path to the farthest unexplained voxel follows, until none is left.
+    All paths belong to one shortest-path tree, so they join where limbs do. Every voxel of a path is a node. As in
+    voxel scooping, end nodes lie at the centroid of the outermost voxels of a limb.
     """
 
     surface_cost: float = 50.0
-    """A step along the surface costs this many times more than one in the middle of the thickest part. The ends and
-    lengths of the drawn shapes of `tests/graph/test_skeletonisers.py` hold from 20 to 200."""
+    """A step along the surface costs this many times more than one in the middle of the thickest part. With 20 to 200,
+    the synthetic shapes of `tests/graph/test_skeletonisers.py` keep their end nodes and lengths."""
     power: float = 4.0
-    """How fast that falls off with the depth below the surface."""
+    """Exponent with which that cost falls off with the depth below the surface."""
     scale: float = 1.5
     """A path explains the voxels within this many times its distance from the surface."""
     margin: float = 4.0
-    """And this many voxels more: bumps that are lower are no branches."""
+    """Plus this many voxels: lower bumps are no branches."""
 
     def skeletonise(self, hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[SkeletalGraph]:
-        """One graph a frame, in the hulls' world (m), not pruned.
+        """One graph per frame, in the hulls' world (m), not pruned.
 
         Raises:
             ValueError: A hull is empty.
@@ -68,7 +68,7 @@ class ThinnestPaths(eqx.Module):
         nodes, parents, places = self._paths(voxels, way, depth, before, root)
         spacing = hulls.grid.spacing
         positions = np.asarray(hulls.grid.origin) + spacing * (places + 0.5)
-        # At least half the diagonal of a voxel, which is what a node stands for.
+        # A node represents at least one voxel, so its radius is at least half a voxel's diagonal.
         return SkeletalGraph(positions, parents, spacing * np.maximum(depth[nodes], np.sqrt(3) / 2))
 
     def _paths(
@@ -79,7 +79,7 @@ class ThinnestPaths(eqx.Module):
         before: Int[np.ndarray, " voxels"],
         root: int,
     ) -> tuple[Int[np.ndarray, " nodes"], Int[np.ndarray, " nodes"], Float[np.ndarray, "nodes 3"]]:
-        """The voxels that are nodes, a parent before its children, the parent of each, and its place (voxels)."""
+        """The voxels that are nodes (parents before children), the parent of each, and its position (voxels)."""
         tree = KDTree(voxels)
         number = np.full(len(voxels), -1)
         number[root] = 0
@@ -95,10 +95,10 @@ class ThinnestPaths(eqx.Module):
                 number[below] = len(nodes)
                 nodes.append(below)
                 places.append(voxels[below].astype(float))
-            # Which of the outermost voxels is the farthest is chance; their middle is not.
+            # End at the centroid of the outermost voxels, because which of them is farthest is arbitrary.
             near = np.array(tree.query_ball_point(voxels[path[0]], 2 * depth[path[:_END]].max() + _OUTERMOST))
             outermost = voxels[near[way[near] > way[path[0]] - _OUTERMOST]]
-            # To a thousandth of a voxel: then the same hull elsewhere in the grid gives the same bits.
+            # Rounded to 1/1024 voxel, so that the same hull elsewhere in the grid gives the same bits.
             places[-1] = np.round(1024 * outermost.mean(0)) / 1024
             left = self._unexplained(tree, voxels, depth, path, left)
         return np.array(nodes), np.array(parents), np.array(places)
@@ -111,7 +111,7 @@ class ThinnestPaths(eqx.Module):
         path: list[int],
         left: Bool[np.ndarray, " voxels"],
     ) -> Bool[np.ndarray, " voxels"]:
-        """What is left of the voxels once a path is drawn."""
+        """Mask of the voxels that are still unexplained once a path is drawn."""
         around = tree.query_ball_point(voxels[path], self.scale * depth[path] + self.margin)
         still = left.copy()
         still[np.concatenate([np.asarray(some, int) for some in around])] = False

@@ -1,4 +1,4 @@
-"""Which cells of a batch of frames a wave of clusters has not reached yet."""
+"""The wavefront of voxel scooping: which cells of a batch of frames are still unvisited."""
 
 import numpy as np
 from jaxtyping import Int
@@ -6,33 +6,33 @@ from jaxtyping import Int
 from .._math.components import connected
 from ._cells import HERE, THERE, WAYS, Cells
 
-# Cells whose neighbours are looked at at once: these can be numbered by 16 bits, and stay in the processor's cache.
+# Cells whose neighbours are examined at once: their positions fit into 16 bits, and the arrays into the cache.
 _AT_ONCE = 2048
-# Their numbers, upwards and downwards.
+# Positions of these neighbours, ascending and descending.
 _UP = np.arange(_AT_ONCE * WAYS, dtype=np.uint16)
 _DOWN = _UP[::-1].copy()
-# Long rows of numbers are faster than many short ones.
+# Tiled, because one long array is faster than many short ones.
 _THERE = np.tile(THERE, _AT_ONCE)
 
 
 class Wave:
-    """All cells are open at first."""
+    """The open (unvisited) cells of a batch of frames. At first all cells are open."""
 
     def __init__(self, cells: Cells):
         self._codes = cells.codes
-        self._open = cells.codes.copy()  # 0 where they are not
+        self._open = cells.codes.copy()  # 0 where visited
         self._steps = np.tile(cells.steps, min(_AT_ONCE, len(cells.codes)))
         self._mention = np.empty(len(self._open), np.uint16)
         self._number = np.zeros(len(self._open), np.int32)
 
     def mark_visited(self, cells: Int[np.ndarray, " n"]) -> None:
-        """The wave has reached them."""
+        """Mark cells as visited."""
         self._open[cells] = 0
 
     def seen(
         self, cells: Int[np.ndarray, " n"], owners: Int[np.ndarray, " n"]
     ) -> tuple[Int[np.ndarray, " seen"], Int[np.ndarray, " seen"]]:
-        """The open neighbours of some cells; each goes to the owner of the first of these that it touches."""
+        """The open neighbours of some cells; each gets the owner of the first of these cells that it touches."""
         if len(cells) > _AT_ONCE:
             return self._seen_in_parts(cells, owners)
         around = cells.repeat(WAYS)
@@ -52,7 +52,7 @@ class Wave:
         for start in range(0, len(cells), _AT_ONCE):
             part = slice(start, start + _AT_ONCE)
             found.append(self.seen(cells[part], owners[part]))
-            self.mark_visited(found[-1][0])  # who comes later does not see them again
+            self.mark_visited(found[-1][0])  # later parts must not find them again
         seen, whose = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
         self._open[seen] = self._codes.take(seen)
         return seen, whose
@@ -60,7 +60,7 @@ class Wave:
     def mark_visited_first(
         self, cells: Int[np.ndarray, " n"], owners: Int[np.ndarray, " n"]
     ) -> tuple[Int[np.ndarray, " open"], Int[np.ndarray, " open"]]:
-        """Close those of some cells that are open, by owner; of several mentions of a cell the first counts."""
+        """Visit the open ones of some cells, ordered by owner; of several entries of a cell the first counts."""
         order = stable_order(owners)
         cells, owners = cells.take(order), owners.take(order)
         kept = [order[:0]]
@@ -74,8 +74,8 @@ class Wave:
         return cells.take(index), owners.take(index)
 
     def components(self, cells: Int[np.ndarray, " n"], owners: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
-        """Label what is connected among some cells of the same owner, from 0."""
-        ahead = WAYS // 2  # of each pair of opposite ways one
+        """Label the connected components of cells with the same owner, from 0."""
+        ahead = WAYS // 2  # one of each pair of opposite directions
         self._number[cells] = np.arange(1, len(cells) + 1)
         other = self._number.take((cells[:, None] + self._steps[:ahead]).reshape(-1))
         self._number[cells] = 0
@@ -87,14 +87,14 @@ class Wave:
         return connected(source.take(met), target.take(met), len(cells))
 
     def _first(self, cells: Int[np.ndarray, " n"]) -> Int[np.ndarray, " first"]:
-        """The first mention of every cell, by index."""
-        # The last write, which is the first mention, stays. Copies turned round are faster than views.
+        """Index of the first entry of every cell."""
+        # Written in reverse, so that the first entry wins. Reversed copies are faster than reversed views.
         self._mention[cells[::-1].copy()] = _DOWN[len(_DOWN) - len(cells) :]
         return (self._mention.take(cells) == _UP[: len(cells)]).nonzero()[0]
 
 
 def stable_order(numbers: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
-    """What sorts small numbers without exchanging equal ones."""
+    """Indices that sort small numbers stably."""
     if len(numbers) > _AT_ONCE and numbers.max() < 2**16:
-        numbers = numbers.astype(np.uint16)  # many short integers are sorted in a fraction of the time
+        numbers = numbers.astype(np.uint16)  # many 16-bit integers are sorted in a fraction of the time
     return numbers.argsort(kind="stable")

@@ -1,7 +1,7 @@
-"""The visual hull: carving, and the person in it (Sect. 3, "volumetric scene reconstruction").
+"""Visual hulls by space carving on a voxel grid, and the person in each hull (Sect. 3).
 
-In: packed silhouettes and cameras. Out: `VisualHulls`, the occupied voxels of each frame's one person, with a status
-for each frame that has none.
+In: packed silhouettes and cameras. Out: `VisualHulls`, the occupied voxels of the one person in each frame, with a
+status for each frame without one.
 """
 
 from ._carve import carve as carve

@@ -1,7 +1,7 @@
-"""Carving from coarse to fine: blocks of 4 x 4 x 4 voxels that no frame can occupy are left out beforehand.
+"""Coarse-to-fine carving: blocks of 4 x 4 x 4 voxels that are empty in every frame are skipped.
 
-A block is carved like a voxel, by all that its voxels can see: it is missed by a camera where nothing of the person
-falls on any of the cells of the image around its voxels' pixels. So no voxel of a block that is left out is occupied.
+A block is carved like a voxel. A camera misses it if no person pixel lies in any of the image cells that cover the
+projections of its voxels. The test is conservative: no voxel of a skipped block is occupied.
 """
 
 import math
@@ -20,13 +20,13 @@ from ._frame_bits import ALL_FRAMES, CELL, in_place
 EDGE = 4
 """Voxels along the edge of a block."""
 INNER = EDGE**3
-"""Voxels of a block. What is known of each voxel is kept block by block: that is how it is looked up."""
-# Edges of cells (px), fine to coarse. A footprint is looked up in two by two of them.
+"""Voxels per block. Data of single voxels are stored block by block, because carving reads them that way."""
+# Edge lengths of image cells (px), fine to coarse. The footprint of a block covers 2 x 2 cells of one of these sizes.
 _CELLS = tuple(CELL * times for times in (1, 2, 4, 8))
 
 
 class SomeBlocks(NamedTuple):
-    """Some blocks, and for each of their voxels the word of 32 frames."""
+    """A selection of blocks and, for each of their voxels, the occupancy in 32 frames as one word."""
 
     blocks: Int[np.ndarray, " some"]
     words: UInt32[np.ndarray, "some inner"]
@@ -43,7 +43,7 @@ def count_blocks(shape: tuple[int, ...]) -> int:
 
 
 def voxels_of(blocks: Int[np.ndarray, " some"], shape: tuple[int, ...]) -> Int[np.ndarray, "some inner"]:
-    """The voxels of some blocks, as indices into the grid; -1 where a block juts out of it."""
+    """Flat grid indices of the voxels of the given blocks; -1 where a block extends beyond the grid."""
     corner = EDGE * np.stack(np.unravel_index(blocks, grid_of_blocks(shape))).astype(np.int32)
     inner = np.stack(np.unravel_index(np.arange(INNER), (EDGE,) * 3)).astype(np.int32)
     strides = np.array([shape[1] * shape[2], shape[2], 1], np.int32)
@@ -59,7 +59,7 @@ def voxels_of(blocks: Int[np.ndarray, " some"], shape: tuple[int, ...]) -> Int[n
 def blocks_of(
     voxels: Int[np.ndarray, "n 3"], shape: tuple[int, ...]
 ) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
-    """The block that each voxel, given by x, y and z, is in, and its place among the voxels of it."""
+    """Block of each voxel (given by its grid indices x, y, z), and the position of the voxel within that block."""
     x, y, z = (voxels[:, axis] for axis in range(3))
     _, columns, layers = grid_of_blocks(shape)
     block = (x // EDGE * columns + y // EDGE) * layers + z // EDGE
@@ -69,25 +69,25 @@ def blocks_of(
 def in_grid_order(
     found: Sequence[SomeBlocks], shape: tuple[int, ...]
 ) -> tuple[Int[np.ndarray, "voxels 3"], UInt32[np.ndarray, "words voxels"]]:
-    """The voxels that are occupied in some frame of some word, in the grid's order, and all their words.
+    """Collect the voxels that are occupied in any frame, in grid order, and all their words.
 
     Args:
-        found: What each word leaves.
-        shape: Of the grid.
+        found: For each word of 32 frames, the blocks that are not empty.
+        shape: Shape of the grid (voxels).
     """
     grid = grid_of_blocks(shape)
     corners = [np.stack(np.unravel_index(each.blocks, grid)) for each in found]
     every = np.concatenate([np.zeros((3, 0), int), *corners], 1)
     first = every.min(1, initial=max(grid))
     extent = np.maximum(every.max(1, initial=-1) + 1 - first, 0)
-    # Only as much of the grid as the blocks take up. A row of a block's voxels, 16 bytes, is moved as one number.
+    # Allocate only the bounding box of the blocks. A row of four voxels, 16 bytes, moves as one complex number.
     rows = np.zeros((len(found), math.prod(extent), EDGE, EDGE), np.complex128)
     for own, at, each in zip(rows, corners, found, strict=True):
         places = np.ravel_multi_index(tuple(at - first[:, None]), extent)
         own[places] = each.words.view(rows.dtype).reshape(-1, EDGE, EDGE)
     ordered = rows.reshape(len(found), *extent, EDGE, EDGE).transpose(0, 1, 4, 2, 5, 3)
     dense = ordered.reshape(len(found), math.prod(extent) * EDGE**2).view(np.uint32)
-    # NumPy finds what is true far sooner than what is not zero.
+    # NumPy finds true booleans much faster than nonzero integers.
     occupied = np.flatnonzero(reduce(np.bitwise_or, dense, np.zeros(dense.shape[1], np.uint32)) != 0)
     voxels = np.empty((len(occupied), 3), np.int32)
     rest = occupied.astype(np.int32)
@@ -100,12 +100,12 @@ def in_grid_order(
 
 
 def nowhere(height: int, width: int) -> int:
-    """The footprint of a block of which a camera does not see all, or which is larger in its image than any other."""
+    """Footprint of a block that a camera sees only in part, or that exceeds 2 x 2 of the largest image cells."""
     return sum(rows * columns for rows, columns in _levels(height, width))
 
 
 def find_footprints(pixels: Int[np.ndarray, "blocks inner"], height: int, width: int) -> Int[np.ndarray, " blocks"]:
-    """Where one camera sees each block, from the pixels of its voxels (`height` times `width` where it sees none)."""
+    """Footprint of each block in one camera, from the pixels of its voxels (``height * width`` if not seen)."""
     v = pixels // np.int32(width)
     u = pixels - v * np.int32(width)
     top, bottom, left, right = v.min(1), v.max(1), u.min(1), u.max(1)
@@ -129,16 +129,16 @@ def pooled(
     height: int,
     width: int,
 ) -> UInt32[Array, "cams cells"]:
-    """Of two by two cells each, from their upper left one on, which frames have the person on any pixel; by size.
+    """For each cell size and each 2 x 2 cells, named by the upper left one: the frames with any person pixel there.
 
-    After the last of them comes what is not seen.
+    The last entry stands for places that are not seen; it has all frames.
 
     Args:
-        words: Of the windows, see `cut_windows`.
-        corner: Row and byte of each window.
-        blank: The word of all other pixels.
-        height: Of the whole images (px).
-        width: Likewise.
+        words: Words of the windows, see `cut_windows`.
+        corner: Row and byte of each window in its image.
+        blank: Word of all other pixels.
+        height: Height of the whole images (px).
+        width: Width of the whole images (px).
     """
     levels = []
     edge = CELL
@@ -158,7 +158,7 @@ def _levels(height: int, width: int) -> list[tuple[int, int]]:
 
 
 def _any_of(cells: UInt32[Array, "cams rows columns"], axis: int, count: int) -> UInt32[Array, "cams less fewer"]:
-    """So many neighbours along an axis put together; the last one may have fewer."""
+    """OR groups of `count` neighbours along an axis; the last group may be smaller."""
     length = cells.shape[axis]
     padding = [(0, 0)] * 3
     padding[axis] = (0, -length % count)

@@ -1,7 +1,7 @@
-"""Space carving (Sect. 3): silhouettes to visual hulls, jit-compiled, 32 frames to a machine word.
+"""Space carving (Sect. 3): silhouettes to visual hulls, jit-compiled, 32 frames per machine word.
 
-Cameras and grid are static, so the pixel that each voxel falls on is looked up once and kept in a table. One gather
-and one AND carve 32 frames, see `_frame_words`. Blocks of voxels go first, see `_blocks`.
+Cameras and grid are static, so a table holds the pixel that each voxel projects onto. Per camera, one gather and one
+AND carve 32 frames, see `_frame_bits`. Blocks of voxels are carved first, see `_blocks`.
 """
 
 from collections.abc import Callable
@@ -16,14 +16,14 @@ from ._frame_bits import ALL_FRAMES, FRAMES_PER_WORD, Windows, cut_windows, fram
 from ._projection_table import ProjectionTable
 from ._visual_hulls import VisualHulls
 
-_AT_ONCE = 1 << 9  # blocks
+_AT_ONCE = 1 << 9  # blocks per call: a fixed number, so that the call compiles once
 
 
 @cached_jit
 def _carve_blocks(
     words: UInt32[Array, "cams places"], footprints: Int[Array, "cams blocks"], max_misses: int
 ) -> UInt32[Array, " blocks"]:
-    """Carve blocks, each like a voxel, by the cells of the images that they are seen on."""
+    """Carve whole blocks like voxels, using the image cells that they project onto."""
     return _carved(lambda camera: _at(words[camera], footprints[camera]), words.shape[0], max_misses)
 
 
@@ -38,10 +38,10 @@ def _carve_some(
     blocks: Int[Array | np.ndarray, " some"],
     max_misses: int,
 ) -> UInt32[Array, "some inner"]:
-    """Carve the voxels of some blocks."""
+    """Carve the voxels of the given blocks."""
 
     def words_of(camera: int) -> UInt32[Array, "some inner"]:
-        # Camera by camera, so that where a voxel is seen goes straight into the lookup of what is seen there.
+        # One camera at a time, so that the pixel lookup feeds the silhouette lookup directly.
         seen = _at(pixels[camera], jnp.asarray(blocks))
         return _at(words[camera], places_of(seen, jnp.asarray(corner)[camera], extent, size))
 
@@ -51,14 +51,14 @@ def _carve_some(
 def _carved(
     words_of: Callable[[int], UInt32[Array, "*places"]], cameras: int, max_misses: int
 ) -> UInt32[Array, "*places"]:
-    """Carve 32 frames at once: what stays is missed by at most `max_misses` cameras.
+    """Carve 32 frames at once: keep the places that at most `max_misses` cameras miss.
 
     Args:
-        words_of: The frames in which a camera has the person at each place; all of them where it does not see it.
-        cameras: How many there are.
-        max_misses: Cameras that may see background.
+        words_of: For a camera, the frames in which each place falls on the person; all frames if it is not seen.
+        cameras: Number of cameras.
+        max_misses: Number of cameras that may see background.
     """
-    # misses[k] has the bits of the frames in which more than k cameras missed the voxel so far.
+    # Bit f of misses[k] is set if more than k cameras so far missed the place in frame f.
     misses = [jnp.uint32(0)] * (max_misses + 1)
     for camera in range(cameras):
         miss = ~words_of(camera)
@@ -69,12 +69,12 @@ def _carved(
 
 
 def _at(values: Array, indices: Int[Array, "*places"]) -> Array:
-    """Values at indices that are known to be within bounds, which costs less."""
+    """Gather without bounds checks, for indices known to be within bounds."""
     return values.at[indices].get(mode="promise_in_bounds")
 
 
 def _carve_word(windows: Windows, table: ProjectionTable, max_misses: int) -> SomeBlocks:
-    """Carve 32 frames: first blocks of voxels, then the voxels of those that are left, a fixed number at a time."""
+    """Carve 32 frames: first blocks, then the voxels of the remaining blocks, a fixed number of blocks at a time."""
     words = frame_words(windows)
     where = windows.corner, windows.blank, *table.size
     blocks = np.asarray(_carve_blocks(pooled(words, *where), table.footprints, max_misses))
@@ -94,23 +94,23 @@ def carve(
     empty_views: Bool[np.ndarray, "frames cams"] | None = None,
     max_misses: int = 0,
 ) -> VisualHulls:
-    """Carve the visual hulls of some frames.
+    """Carve the visual hull of each frame (Sect. 3).
 
     Args:
         silhouettes: Packed bits, 1 = person.
         table: From [`projection_table`][] for these cameras and image sizes.
-        empty_views: Views that carve nothing in a frame, such as a black one.
-        max_misses: k-of-n voting: a voxel stays while at most this many of the cameras that see it miss it.
+        empty_views: Views that carve nothing in a frame, such as black images.
+        max_misses: k-of-n voting: a voxel stays if at most this many of the cameras that see it show background there.
 
     Returns:
-        The occupied voxels of every frame.
+        The occupied voxels of every frame, on the table's grid.
     """
     frames, cams = silhouettes.shape[:2]
     empty_views = np.zeros((frames, cams), bool) if empty_views is None else empty_views
     found = []
     for start in range(0, frames, FRAMES_PER_WORD):
         part, gone = silhouettes[start : start + FRAMES_PER_WORD], empty_views[start : start + FRAMES_PER_WORD]
-        # A full word always, so that a shorter last batch does not compile again; the bits of the rest are no one's.
+        # Pad to a full word, so that a shorter last batch does not recompile; the padding bits are cleared below.
         missing = FRAMES_PER_WORD - len(part)
         if missing:
             part = np.pad(part, ((0, missing), (0, 0), (0, 0), (0, 0)))

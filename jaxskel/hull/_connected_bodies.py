@@ -1,7 +1,7 @@
-"""The hulls of a batch as vertical runs of voxels, and the connected bodies that the runs form.
+"""Connected bodies of the hulls of a batch, found from vertical runs of voxels.
 
-A person is some thousand runs, but tens of thousands of voxels, and two runs in neighbouring columns touch where they
-overlap or miss each other by one: connectivity over faces, edges and corners, exactly.
+A person has some thousand runs, but tens of thousands of voxels. Two runs in neighbouring columns touch if their z
+ranges overlap or adjoin: this is exact connectivity over faces, edges and corners.
 """
 
 import equinox as eqx
@@ -12,36 +12,36 @@ from .._math.components import connected, first_mentions
 from ._grid import VoxelGrid
 from ._visual_hulls import VisualHulls
 
-# Columns beside, of each pair of opposite ones one.
+# Offsets to neighbouring columns, one of each pair of opposite ones.
 _BESIDE = ((0, 1), (1, -1), (1, 0), (1, 1))
 
 
 class Bodies(eqx.Module):
-    """Runs by frame, then in the grid's order, and which body each belongs to."""
+    """Runs of voxels, sorted by frame and then in grid order, and the connected body of each."""
 
     frame: Int[np.ndarray, " runs"]
     first: Int[np.ndarray, " runs"]
-    """Number of the lowest voxel among those of the hulls."""
+    """Index of the run's lowest voxel in ``hulls.voxels``."""
     length: Int[np.ndarray, " runs"]
-    """(voxels)"""
+    """Number of voxels of each run."""
     body: Int[np.ndarray, " runs"]
-    """Number of the body; bodies are numbered by frame, then in the order of their first voxel."""
+    """Index of the body; bodies are numbered by frame, then in the order of their first voxel."""
     frame_of_body: Int[np.ndarray, " bodies"]
     sizes: Int[np.ndarray, " bodies"]
-    """(voxels)"""
+    """Number of voxels of each body."""
 
     def voxels_of(self, frame: int) -> Int[np.ndarray, " own"]:
-        """Which body each occupied voxel of a frame belongs to."""
+        """Body of each occupied voxel of a frame."""
         runs = slice(*np.searchsorted(self.frame, [frame, frame + 1]))
         return np.repeat(self.body[runs], self.length[runs])
 
 
 def find_bodies(hulls: VisualHulls) -> Bodies:
-    """Split each hull into what is connected over faces, edges or corners."""
+    """Split each hull into components that are connected over faces, edges or corners (26-neighbourhood)."""
     frame, first, length = _runs(hulls)
     body = connected(*_touching(hulls, frame, first, length), len(frame))
     count = int(body.max(initial=-1)) + 1
-    # By the first of their runs, not as the pairs come.
+    # Number bodies by their first run, independently of the order of the pairs.
     first_run = first_mentions(body, count)
     order = np.argsort(first_run)
     number = np.empty_like(order)
@@ -56,10 +56,10 @@ def _touching(
     first: Int[np.ndarray, " runs"],
     length: Int[np.ndarray, " runs"],
 ) -> tuple[Int[np.ndarray, " pairs"], Int[np.ndarray, " pairs"]]:
-    """Pairs of runs of one frame that overlap or miss each other by one, in columns side by side."""
+    """Pairs of runs of the same frame that touch, in neighbouring columns."""
     x, y, z = hulls.voxels.take(first, axis=0).T.astype(np.int64)
     below, above = z - 1, z + length
-    # One number for each column of grids with a margin, so that no neighbour is on the other side.
+    # Number the columns of grids with a margin, so that neighbours do not wrap around.
     width, columns = hulls.grid.shape[1] + 2, (hulls.grid.shape[0] + 2) * (hulls.grid.shape[1] + 2)
     column = frame * columns + (x + 1) * width + y + 1
     begins = np.append(0, np.cumsum(np.bincount(column, minlength=len(hulls) * columns)))
@@ -67,7 +67,7 @@ def _touching(
     for along_x, along_y in _BESIDE:
         beside = column + along_x * width + along_y
         run, candidate, end = np.arange(len(column)), begins.take(beside), begins.take(beside + 1)
-        # The runs of the other column in turn, of which there are few.
+        # Step through the few runs of the neighbouring column.
         while True:
             more = (candidate < end).nonzero()[0]
             if not len(more):
@@ -83,7 +83,7 @@ def _touching(
 
 
 def bodies_among(voxels: Int[np.ndarray, "n 3"], grid: VoxelGrid) -> Bodies:
-    """What is connected among some voxels of a grid, which come in its order."""
+    """Connected bodies among some voxels of a grid (indices x, y, z), given in grid order."""
     return find_bodies(VisualHulls(voxels, np.ones((1, len(voxels)), bool), grid))
 
 
@@ -91,7 +91,7 @@ def _runs(hulls: VisualHulls) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Frame, first voxel and length of each run."""
     x, y, z = np.ascontiguousarray(hulls.voxels.T)
     follows = (x[1:] == x[:-1]) & (y[1:] == y[:-1]) & (z[1:] == z[:-1] + 1)
-    # Each voxel with the one before it, if both are inside.
+    # Join each voxel to the one before it if both are occupied.
     joined = np.zeros((len(hulls), len(hulls.voxels) + 1), bool)
     np.logical_and(hulls.inside[:, :-1], follows, out=joined[:, 1:-1])
     joined[:, 1:-1] &= hulls.inside[:, 1:]
@@ -103,9 +103,9 @@ def _runs(hulls: VisualHulls) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def voxels_of_bodies(
     hulls: VisualHulls, bodies: Bodies, chosen: Bool[np.ndarray, " bodies"]
 ) -> Bool[np.ndarray, "frames voxels"]:
-    """Which voxels belong to the chosen bodies."""
+    """Mask of the voxels that belong to the chosen bodies."""
     inside = hulls.inside.copy()
-    # Mostly specks are left out, which have few voxels.
+    # Clear the other bodies, which are mostly specks of few voxels.
     out = np.flatnonzero(~chosen[bodies.body])
     length = bodies.length[out]
     step = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)

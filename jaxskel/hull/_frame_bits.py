@@ -1,6 +1,6 @@
-"""32 frames to a machine word: bit f of a pixel's word belongs to frame f, so one AND carves 32 frames.
+"""32 frames per machine word: bit f of a pixel's word belongs to frame f, so one AND carves 32 frames.
 
-A person fills a small part of an image. Only a window of it is turned into words, the same place in all frames.
+A person fills a small part of an image. Only a window around it, the same in all frames, is converted to words.
 """
 
 import math
@@ -17,25 +17,25 @@ from .._runtime.materialise import computed_once
 
 FRAMES_PER_WORD = 32
 ALL_FRAMES = np.uint32(0xFFFFFFFF)
-"""The word of what a camera does not see: it misses the person there in no frame."""
+"""Word of places that a camera does not see: all bits are set, since the camera carves nothing there."""
 CELL = 8
-"""Windows consist of squares so wide (px): a byte of a silhouette's row, and as many rows."""
+"""Edge of the square cells that make up a window (px): one byte of a packed row, and as many rows."""
 
 
 class Windows(NamedTuple):
-    """Of the silhouettes of 32 frames, for each camera the part that shows all there is of the person."""
+    """For each camera, the part of its silhouettes that contains all person pixels of 32 frames."""
 
     packed: UInt8[np.ndarray, "frames=32 cams rows w8"]
     corner: Int[np.ndarray, "cams 2"]
-    """Where each window begins in its image: row and byte, the row a multiple of `CELL`."""
+    """Upper left corner of each window in its image: row (a multiple of `CELL`) and byte."""
     blank: UInt32[np.ndarray, " cams"]
-    """The word of all other pixels: ones in the frames in which the view is lost, so that it carves nothing."""
+    """Word of all other pixels: ones in the frames in which the view is empty, so that it carves nothing."""
 
 
 def cut_windows(
     packed: UInt8[np.ndarray, "frames=32 cams h w8"], empty_views: Bool[np.ndarray, "frames=32 cams"]
 ) -> Windows:
-    """Cut windows of the same size out of the images of all cameras; they may jut out at the bottom."""
+    """Cut windows of the same size out of the images of all cameras; they may extend below the image."""
     height, width = packed.shape[2:]
     some = np.bitwise_or.reduce(packed, 0)
     bounds = [[_bounds(each.any(axis)) for axis in (1, 0)] for each in some]
@@ -55,12 +55,12 @@ def cut_windows(
 
 @cached_jit
 def frame_words(windows: Windows) -> UInt32[Array, "cams rows columns"]:
-    """Turn the packed bits of 32 frames into one word a pixel."""
+    """Transpose the packed bits of 32 frames into one word per pixel."""
     cams, rows, columns = windows.packed.shape[1:]
     packed = windows.packed.reshape(FRAMES_PER_WORD, cams, -1)
     blank = jnp.asarray(windows.blank)
     quarters = [_transposed([packed[f + k] for k in range(8)]) for f in range(0, FRAMES_PER_WORD, 8)]
-    # Stored in between, bytes and words are put side by side at the speed of the memory.
+    # Materialise intermediate results: interleaving bytes and words then runs at memory speed.
     quarters = computed_once(quarters, blank[0].astype(jnp.float32))
     bytes_of_words = [jnp.stack(parts, -1) for parts in zip(*quarters, strict=True)]
     words = [jax.lax.bitcast_convert_type(each, jnp.uint32) for each in bytes_of_words]
@@ -72,7 +72,7 @@ def frame_words(windows: Windows) -> UInt32[Array, "cams rows columns"]:
 def listed(
     words: UInt32[Array, "cams rows columns"], blank: UInt32[Array | np.ndarray, " cams"]
 ) -> UInt32[Array, "cams places"]:
-    """The words of the pixels of windows in a row, then that of all other pixels, then that of what is not seen."""
+    """For each camera, the words of the window's pixels, then that of all other pixels, then that of unseen places."""
     own = words.reshape(len(words), -1)
     return jnp.concatenate([own, jnp.asarray(blank)[:, None], jnp.full((len(words), 1), ALL_FRAMES)], 1)
 
@@ -80,16 +80,16 @@ def listed(
 def places_of(
     pixels: Int[Array, "*some"], corner: Int[Array, "2"], extent: tuple[int, int], size: tuple[int, int]
 ) -> Int[Array, "*some"]:
-    """Where the words of some pixels of a camera are among those that `listed` gives.
+    """Indices into the result of `listed` for some pixels of one camera.
 
     Args:
-        pixels: Indices into the flattened image; one past its end is what the camera does not see.
+        pixels: Indices into the flattened image; one past its end means not seen.
         corner: Row and byte of the camera's window.
         extent: Rows and columns of the window (px).
         size: Height and width of the image (px).
     """
     inner, unseen = math.prod(extent), math.prod(size)
-    # What is before the window wraps around to large numbers, so that one comparison tells it from what is within.
+    # Unsigned, so that positions before the window wrap around to large numbers and one comparison tests both bounds.
     first, index, width = (corner * jnp.array([1, CELL])).astype(jnp.uint32), pixels.astype(jnp.uint32), size[1]
     row = index // jnp.uint32(width) - first[0]
     column = index % jnp.uint32(width) - first[1]
@@ -105,7 +105,7 @@ def in_place(
     height: int,
     width: int,
 ) -> UInt32[Array, "cams height width"]:
-    """Parts of images, each at its row and column, and the same word all around."""
+    """Paste parts into whole images at their rows and columns, with the word `blank` everywhere else."""
     whole = jnp.broadcast_to(jnp.asarray(blank)[:, None, None], (len(part), height, width))
     for camera, each in enumerate(part):
         whole = jax.lax.dynamic_update_slice(whole, each[None], (camera, corner[camera, 0], corner[camera, 1]))
@@ -113,9 +113,9 @@ def in_place(
 
 
 def frames_of(words: UInt32[np.ndarray, "words n"], frames: int) -> Bool[np.ndarray, "frames n"]:
-    """The bits of words, frame by frame."""
+    """Unpack the bits of words, one row per frame."""
     bits = np.empty((frames, words.shape[1]), bool)
-    for start in range(0, frames, 8):  # bytes are looked at faster than words
+    for start in range(0, frames, 8):  # bytes are tested faster than words
         part = (words[start // FRAMES_PER_WORD] >> np.uint32(start % FRAMES_PER_WORD)).astype(np.uint8)
         for bit, frame in enumerate(bits[start : start + 8]):
             np.not_equal(part & np.uint8(1 << bit), 0, out=frame)
@@ -125,7 +125,7 @@ def frames_of(words: UInt32[np.ndarray, "words n"], frames: int) -> Bool[np.ndar
 def _transposed(rows: list[UInt8[Array, "*image"]]) -> list[UInt8[Array, "*image"]]:
     """Bit k of the i-th of eight bytes becomes bit i of the k-th byte, counted from the highest.
 
-    Blocks of four, of two and of one bit change places (Warren, *Hacker's Delight*, 7-3), for all pixels at once.
+    This transposes 8 x 8 bits (Warren, *Hacker's Delight*, 7-3) by swapping blocks of four, two and one bits.
     """
     for distance, mask in ((4, np.uint8(0x0F)), (2, np.uint8(0x33)), (1, np.uint8(0x55))):
         swapped = list(rows)
@@ -139,6 +139,6 @@ def _transposed(rows: list[UInt8[Array, "*image"]]) -> list[UInt8[Array, "*image
 
 
 def _bounds(some: Bool[np.ndarray, " n"]) -> tuple[int, int]:
-    """From where to where there is any; one where there is none."""
+    """First and one past the last true index; (0, 0) if there is none."""
     there = np.flatnonzero(some)
     return (int(there[0]), int(there[-1]) + 1) if len(there) else (0, 1)

@@ -1,4 +1,4 @@
-"""Ghosts: parts of a hull that are there only because too few cameras see that nobody is."""
+"""Ghosts: empty parts of a hull that remain because too few cameras carve them away."""
 
 import numpy as np
 from jaxtyping import Bool, UInt8
@@ -8,8 +8,8 @@ from ..recording import unpack_silhouettes
 from ._reproject import reproject
 from ._visual_hulls import VisualHulls
 
-# Share of a silhouette that somebody else must be needed for. One of a third of a person's volume has 0.45 of his
-# silhouette, which is 0.3 of both; some of it is hidden behind him. Calibrations that are off leave a few hundredths.
+# A body is not alone if it leaves this share of a silhouette uncovered. A person of a third of the volume has 0.45 of
+# the silhouette, which is 0.3 of both, partly hidden behind the first. Calibration errors leave a few hundredths.
 _OWN_SHARE = 0.1
 
 
@@ -21,17 +21,17 @@ def explains_silhouettes(
     cameras: Cameras,
     empty_views: Bool[np.ndarray, " cams"],
 ) -> bool:
-    """Whether one body of a hull alone covers what the whole hull covers of the silhouettes.
+    """Whether one body alone covers as much of the silhouettes as the whole hull does.
 
-    A second person has a silhouette of his own in some view. A ghost, where lines of sight through the silhouettes of
-    one person cross a second time, has none.
+    A second person has a silhouette of their own in some view. A ghost has none: it lies where lines of sight through
+    the silhouettes of one person cross a second time.
 
     Args:
-        hulls: As carved.
-        frame: One of them.
-        body: Which voxels of the hulls belong to the body.
-        silhouettes: Of that frame, packed.
-        cameras: In the hulls' world.
+        hulls: Hulls as carved.
+        frame: Index of the frame in `hulls`.
+        body: Mask of the voxels that belong to the body.
+        silhouettes: Packed bits of that frame.
+        cameras: The rig, in the hulls' world.
         empty_views: Views that show no person.
     """
     masks = unpack_silhouettes(silhouettes, 8 * silhouettes.shape[2])

@@ -1,4 +1,4 @@
-"""The voxel grid: where it lies and how it places itself around what the silhouettes show."""
+"""The voxel grid: position, spacing and shape of the carved volume."""
 
 import equinox as eqx
 import numpy as np
@@ -42,17 +42,17 @@ class VoxelGrid(eqx.Module):
 
 
 def make_grid(lower: np.ndarray, upper: np.ndarray, spacing: float) -> VoxelGrid:
-    """The smallest grid that covers a box and begins at whole even multiples of the spacing.
+    """Make the smallest grid that covers a box, with its origin at even multiples of the spacing.
 
-    So wherever a grid begins, its voxels lie as in any other grid of that spacing, and pairs of voxels do too.
+    All grids of a spacing are therefore aligned with each other, and so are pairs of their voxels.
 
     Args:
-        lower: Lower corner of the box (m).
-        upper: Upper corner of the box (m).
+        lower: Lower corner of the box in the world (m).
+        upper: Upper corner of the box in the world (m).
         spacing: Edge length of a voxel (m).
 
     Raises:
-        ValueError: The spacing or the box make no grid, or one that does not fit into memory.
+        ValueError: The spacing is out of range, the box is empty or not finite, or the grid does not fit into memory.
     """
     lower, upper = np.asarray(lower, np.float64), np.asarray(upper, np.float64)
     if not 1e-3 <= spacing <= 1.0:

@@ -1,4 +1,4 @@
-"""The voxel grid places itself: around the person, wherever he walks, as far as his limbs reach."""
+"""Automatic placement of the voxel grid around the person in all frames."""
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
@@ -10,16 +10,16 @@ from ._connected_bodies import bodies_among
 from ._grid import VoxelGrid, make_grid
 from ._projection_table import projection_table
 
-_COARSE = 3  # coarse voxels are this many times larger
-_COARSEST = 0.045  # but not larger than this, or hands and forearms fall between their centres (m)
+_COARSE = 3  # edge of a coarse voxel, in fine voxels
+_COARSEST = 0.045  # largest edge of a coarse voxel (m): hands and forearms fall between centres farther apart
 _REACH = 1.5  # no part of a person is farther from the middle of the body (m)
-_MARGIN = 0.12  # around what the coarse hulls occupy (m)
-_SAMPLED_MARGIN = 0.25  # the same where frames in between were not looked at (m)
-# Where pixels are large, feet and hands fall between them: in a coarse hull they are missing, or lumps by themselves,
-# and in a fine one they are there. Of drawn scenes of 48 to 96 px height up to five pixels of a limb are lost so.
+_MARGIN = 0.12  # around the coarse hulls (m)
+_SAMPLED_MARGIN = 0.25  # the same if only a sample of the frames was carved (m)
+# Margin in pixels. Where pixels are large, a coarse hull may lack or detach hands and feet that a fine hull has: in
+# rendered scenes of 48 to 96 px height up to five pixels of a limb are lost.
 _MARGIN_PIXELS = 6
-_MAX_FRAMES = 96
-_LEAST_VOLUME = 0.004  # smaller lumps are noise, not people (m^3)
+_MAX_FRAMES = 96  # carved coarsely, evenly spread over the recording
+_LEAST_VOLUME = 0.004  # smaller bodies are noise, not people (m^3)
 
 
 def place_grid(
@@ -30,21 +30,21 @@ def place_grid(
     min_views: int,
     max_misses: int = 0,
 ) -> VoxelGrid | None:
-    """Find the box that holds the person in all frames.
+    """Place a grid around the person in all frames.
 
-    The rays through the centroids of the silhouettes meet in the middle of the body; around all these points the
-    hulls are carved coarsely, and the grid is laid around what is left.
+    The viewing rays through the centroids of the silhouettes meet in the middle of the body. Hulls are carved coarsely
+    around all these points, and the grid is laid around the hulls.
 
     Args:
         cameras: The rig, in a world with z up.
-        silhouettes: Packed bits of all frames; up to 96 of them are looked at.
+        silhouettes: Packed bits of all frames; up to 96 of them are used.
         empty_views: Views that show no person.
         spacing: Edge length of a voxel (m).
-        min_views: A voxel must be seen by so many cameras.
-        max_misses: Tolerance of the carving.
+        min_views: Number of cameras that must see a voxel.
+        max_misses: Number of cameras that may miss an occupied voxel.
 
     Returns:
-        The grid, or None where no frame has a hull of a person's size.
+        The grid, in the cameras' world, or None if no frame has a hull of a person's size.
     """
     usable = np.flatnonzero((~empty_views).sum(1) >= MIN_VIEWS)
     if len(usable) == 0:
@@ -70,7 +70,7 @@ def place_grid(
 def _pixel_size(
     cameras: Cameras, middles: Float[np.ndarray, "frames 3"], empty_views: Bool[np.ndarray, "frames cams"]
 ) -> float:
-    """Width of a pixel at the person (m), of the camera that sees the person smallest, as a rule."""
+    """Width of a pixel at the person (m): the median over frames, then the largest value over cameras."""
     depths = np.einsum("ci,fi->fc", np.asarray(cameras.R)[:, 2], middles) + np.asarray(cameras.t)[:, 2]
     sizes = np.where(empty_views | (depths <= 0), np.nan, depths / np.asarray(cameras.K)[:, 0, 0])
     return float(np.nanmax(np.nanmedian(sizes[:, ~np.isnan(sizes).all(0)], axis=0), initial=0.0))
@@ -81,7 +81,7 @@ def body_middles(
     silhouettes: UInt8[np.ndarray, "frames cams h w8"],
     empty_views: Bool[np.ndarray, "frames cams"],
 ) -> Float[np.ndarray, "frames 3"]:
-    """The point nearest to the rays through the centroids of each frame's silhouettes (m)."""
+    """Middle of each body: the point nearest to the rays through the silhouettes' centroids (m, in the world)."""
     centroids = silhouette_centroids(silhouettes)
     directions = np.full((len(silhouettes), len(cameras), 3), np.nan)
     for c in range(len(cameras)):
@@ -92,7 +92,7 @@ def body_middles(
     across = np.nan_to_num(across)
     centres = cameras.centres
     points = np.zeros((len(silhouettes), 3))
-    # A few rounds of reweighting, because a blob of noise in one view must not pull the point away.
+    # Iteratively reweighted least squares, because a blob of noise in one view must not pull the point away.
     for _ in range(5):
         left = np.einsum("fc,fcij->fij", weight, across) + 1e-9 * np.eye(3)
         right = np.einsum("fc,fcij,cj->fi", weight, across, centres)

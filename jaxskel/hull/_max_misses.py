@@ -1,8 +1,8 @@
-"""k-of-n voting: how many cameras may see background at an occupied voxel, judged from the silhouettes themselves.
+"""Choice of ``max_misses`` for k-of-n voting: how many cameras may see background at an occupied voxel.
 
-Consistent silhouettes are filled by the reprojection of their own hull. A hole in one of them is a tunnel through the
-hull, and the tunnel leaves the silhouettes of all other views unfilled: so the hull itself tells poor masks from good
-ones, and tells how many misses it takes to close the tunnels.
+The reprojection of a hull fills consistent silhouettes. A hole in one of them carves a tunnel through the hull, which
+leaves the silhouettes of all other views unfilled. So the hull itself shows whether masks are good, and how many misses
+close the tunnels.
 """
 
 import cv2
@@ -17,19 +17,19 @@ from ._grid_placement import body_middles
 from ._projection_table import ProjectionTable, projection_table
 from ._visual_hulls import VisualHulls
 
-_MAX_FRAMES = 24
-# Edge length of a voxel here (m): whole limbs are looked for, which fall between the centres of larger voxels. Smaller
-# ones cost more and say the same.
+_MAX_FRAMES = 24  # evenly spread over the recording
+# Edge of the voxels used here (m): larger ones would lose whole limbs between their centres, smaller ones cost more and
+# give the same result.
 _EDGE = 0.04
 _REACH = 1.5  # no part of a person is farther from the middle of the body (m)
-# An arm is about a twelfth of a silhouette: hulls that fill less than this share of what can be filled lack one.
+# An arm is about a twelfth of a silhouette: hulls that fill less than this share of the best filling lack an arm.
 _FILLED = 0.95
-# Each miss forgiven is a camera less that carves. With more than a third of them gone, arms and trunk fuse.
+# Share of views that must agree. Each allowed miss removes a camera; if over a third are gone, arms and trunk fuse.
 _AGREEING = 2 / 3
 
 
 def most_misses(views: int) -> int:
-    """How many of some views may miss a voxel: two thirds of them, and `MIN_VIEWS`, must agree that it is occupied."""
+    """Largest number of misses such that two thirds of the views, and `MIN_VIEWS`, agree that a voxel is occupied."""
     return max(0, views - max(MIN_VIEWS, int(np.ceil(_AGREEING * views))))
 
 
@@ -40,21 +40,21 @@ def judge_misses(
     min_views: int,
     box: Float[np.ndarray, "2 3"] | None = None,
 ) -> int:
-    """Choose ``max_misses`` for [`carve`][]: the smallest number at which the hulls fill the silhouettes.
+    """Choose ``max_misses`` for [`carve`][]: the smallest number with which the hulls fill the silhouettes.
 
-    A silhouette counts as filled to the share of its pixels that lie on the reprojected hull, give or take a voxel.
-    The median over up to 24 frames, evenly spread, and over their views is compared with the best median that any
-    number of misses reaches: what no hull fills, such as a blob of noise in one view, is no reason for more misses.
+    The filled share of a silhouette is that of its pixels on the reprojected hull, within a voxel. Its median over
+    up to 24 evenly spread frames and their views is compared with the best median over all numbers of misses: pixels
+    that no hull fills, such as a blob of noise in one view, are no reason for more misses.
 
     Args:
         cameras: The rig.
         silhouettes: Packed bits of all frames.
-        empty_views: Views that show no person; they neither vote nor are to be filled.
-        min_views: So many cameras must see a voxel that may not be missed at all; for each miss, one more.
-        box: Lower and upper corner of what to carve (m), in the cameras' world; by default around the silhouettes.
+        empty_views: Views that show no person; they neither vote nor need to be filled.
+        min_views: Number of cameras that must see a voxel if no miss is allowed; each miss adds one.
+        box: Lower and upper corner of the carved volume (m), in the cameras' world; by default around the silhouettes.
 
     Returns:
-        0 where the silhouettes are consistent, otherwise up to `most_misses` of the views that a frame usually has.
+        0 if the silhouettes are consistent, otherwise up to `most_misses` of the median number of views per frame.
     """
     usable = np.flatnonzero((~empty_views).sum(1) >= MIN_VIEWS)
     if len(usable) == 0:
@@ -74,7 +74,7 @@ def judge_misses(
         hulls = carve(silhouettes, table.with_min_views(min_views + misses), empty_views, misses)
         filled.append(float(np.nanmedian(filled_shares(hulls, silhouettes, empty_views, cameras, table))))
         if filled[0] >= _FILLED:
-            return 0  # and no share of what can be filled is larger: consistent masks need one carving only
+            return 0  # consistent masks: more misses cannot change the result, so one carving is enough
     return int(np.argmax(np.array(filled) >= _FILLED * max(filled)))
 
 
@@ -85,10 +85,10 @@ def filled_shares(
     cameras: Cameras,
     table: ProjectionTable,
 ) -> Float[np.ndarray, "frames cams"]:
-    """Share of each silhouette that lies on the reprojected hull, give or take a voxel; NaN in a lost view.
+    """Share of each silhouette that lies on the reprojected hull, within a voxel; NaN in an empty view.
 
-    Counted in square cells of the image that are wide enough to leave no gap between the centres of voxels: drawing
-    each voxel as a square of its own size, as [`reproject`][] does, would take far longer.
+    Counted in square image cells wide enough to leave no gap between voxel centres: drawing each voxel as a square of
+    its own size, as [`reproject`][] does, would take far longer.
     """
     height, width = silhouettes.shape[2], 8 * silhouettes.shape[3]
     pixels = table.pixels_at(hulls.voxels)
@@ -111,9 +111,9 @@ def filled_shares(
 
 
 def _cell_side(cameras: Cameras, camera: int, points: Float[np.ndarray, "n 3"], spacing: float) -> int:
-    """Side (px) of a cell into which the centre of a voxel falls wherever the hull is solid."""
+    """Edge (px) of an image cell such that each cell on a solid hull contains a voxel centre."""
     depth = points @ np.asarray(cameras.R[camera, 2]) + float(cameras.t[camera, 2])
     if cameras.are_fisheye[camera]:
         depth = np.linalg.norm(points - cameras.centres[camera], axis=1)
-    # Columns of voxels are farthest apart along the diagonals of their faces.
+    # Neighbouring columns of voxels are farthest apart along the diagonals of their faces.
     return int(np.ceil(np.sqrt(2) * float(cameras.K[camera, 0, 0]) * spacing / np.median(depth)))

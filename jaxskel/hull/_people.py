@@ -1,4 +1,4 @@
-"""The person in a hull: one connected body, all of it inside the observed volume."""
+"""The person in each hull: one connected body that lies inside the observed volume."""
 
 from collections.abc import Callable
 
@@ -11,23 +11,23 @@ from ._connected_bodies import find_bodies, voxels_of_bodies
 from ._projection_table import ProjectionTable
 from ._visual_hulls import VisualHulls
 
-_LEAST_PERSON = 0.008  # a smaller hull is no person (m^3)
-_RIVAL_SHARE = 0.3  # a second body has at least this share of the largest one's volume
-_EDGE_VOXELS = 12  # so many voxels of the body at the edge of the observed volume: it goes on outside
-_CUT_SHARE = 0.02  # a view with more of the body outside of its image does not show it whole
+_LEAST_PERSON = 0.008  # smaller hulls are no person (m^3)
+_RIVAL_SHARE = 0.3  # a body with this share of the largest one's volume is a second person
+_EDGE_VOXELS = 12  # a body with this many voxels at the edge of the observed volume extends beyond it
+_CUT_SHARE = 0.02  # a view with a larger share of the body outside its image does not show it whole
 
 
 class People(eqx.Module):
     """The person of each frame."""
 
     hulls: VisualHulls
-    """Hulls without what does not belong to the person; empty where there is none."""
+    """Hulls reduced to the person; empty where there is none."""
     status: Int[np.ndarray, " frames"]
     """`Status.OK`, or why there is no person."""
 
 
 def observed_edge(observed: Bool[np.ndarray, "x y z"]) -> Bool[np.ndarray, "x y z"]:
-    """Observed voxels with an unobserved neighbour, the outside of the grid included."""
+    """Mask of the observed voxels with an unobserved neighbour; everything outside the grid is unobserved."""
     padded = np.pad(observed, 1)
     core = slice(1, -1)
     inner = np.ones_like(observed)
@@ -46,11 +46,11 @@ def find_people(
     """Keep the largest connected body of each hull.
 
     Args:
-        hulls: As carved, z up.
+        hulls: Hulls as carved, with z up.
         edge: From [`observed_edge`][], on the hulls' grid.
-        gap: What is no farther than this from the largest body belongs to it (m): holes in masks cut people up.
-        explains_all: Whether the largest body of a frame, given by which voxels belong to it, is all that the
-            silhouettes show, although there is another one of a person's size; see `explains_silhouettes`.
+        gap: Bodies within this distance of the largest one belong to it (m): holes in masks cut a person into parts.
+        explains_all: Given a frame and the mask of its largest body, whether this body explains the silhouettes alone,
+            although another body is as large as a person; see `explains_silhouettes`.
     """
     bodies = find_bodies(hulls)
     status = np.full(len(hulls), int(Status.OK))
@@ -81,8 +81,8 @@ def find_people(
 def _joined(
     voxels: Int[np.ndarray, "n 3"], body: Int[np.ndarray, " n"], largest: int | np.integer, gap: float
 ) -> Int[np.ndarray, " parts"]:
-    """The largest body and those no farther from it than a gap (voxels)."""
-    from scipy.spatial import KDTree  # takes a tenth of a second, and good masks have no use for it
+    """The largest body and all bodies within `gap` (voxels) of it."""
+    from scipy.spatial import KDTree  # the import takes a tenth of a second, and good masks do not need it
 
     others = np.flatnonzero(body != largest)
     near, _ = KDTree(voxels[body == largest]).query(voxels[others], distance_upper_bound=gap)
@@ -90,8 +90,8 @@ def _joined(
 
 
 def shares_outside(hulls: VisualHulls, table: ProjectionTable) -> Float[np.ndarray, "frames cams"]:
-    """Share of each hull's voxels that lies outside each camera's image: above zero, the image cuts the body."""
-    some = table.partly_seen(hulls.voxels)  # mostly none
+    """Share of each hull's voxels outside each camera's image; if above zero, the image cuts the body."""
+    some = table.partly_seen(hulls.voxels)  # usually none
     unseen = table.pixels_at(hulls.voxels[some]) == table.unseen
     shares = np.zeros((len(hulls), len(unseen)))
     for camera in np.flatnonzero(unseen.any(1)):
@@ -102,10 +102,10 @@ def shares_outside(hulls: VisualHulls, table: ProjectionTable) -> Float[np.ndarr
 def seen_whole(
     hulls: VisualHulls, table: ProjectionTable, empty_views: Bool[np.ndarray, "frames cams"]
 ) -> Bool[np.ndarray, " frames"]:
-    """Whether enough views show a body from head to foot.
+    """Whether enough views show the body from head to foot.
 
-    Where images cut the body, few whole views are left, often from one side only, and the hull gets long tails that
-    look like limbs. Four whole views bound it; of four cameras or fewer, one view may be cut.
+    If images cut the body, few whole views are left, often from one side only, and the hull has long tails that look
+    like limbs. Four whole views bound the body; with four cameras or fewer, one view may be cut.
     """
     outside = shares_outside(hulls, table)
     whole = ((outside < _CUT_SHARE) & ~empty_views).sum(1)

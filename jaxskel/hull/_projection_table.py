@@ -1,4 +1,4 @@
-"""Where the cameras see the voxels of a grid: looked up once, because cameras and grid are static."""
+"""Table of the pixel that each voxel projects onto, computed once because cameras and grid are static."""
 
 from dataclasses import replace
 
@@ -14,20 +14,20 @@ from ..cameras import Cameras, project
 from ._blocks import INNER, blocks_of, count_blocks, find_footprints, nowhere, voxels_of
 from ._grid import VoxelGrid
 
-# Blocks of voxels that are projected at once: always the same number, so that another grid does not compile again.
+# Blocks of voxels projected at once: a fixed number, so that another grid does not recompile.
 _AT_ONCE = 1 << 10
 
 
 class ProjectionTable(eqx.Module):
-    """Which pixel each voxel centre falls on, for static cameras and a static grid."""
+    """Which pixel each voxel centre projects onto, for static cameras and a static grid."""
 
     grid: VoxelGrid
     pixels_of_blocks: Int[Array, "cams at_least_blocks inner"]
-    """The `pixels` block by block, see `voxels_of`, and of more blocks that nobody looks at: grids of about the same
-    size share what is compiled."""
+    """The `pixels` in block order, see `voxels_of`, padded with unused blocks: grids of similar size share compiled
+    code."""
     observed_of_blocks: Bool[Array, "at_least_blocks inner"]
     footprints: Int[Array, "cams at_least_blocks"]
-    """Where each camera sees each block of voxels, see `find_footprints`."""
+    """Footprint of each block in each camera, see `find_footprints`."""
     size: tuple[int, int] = eqx.field(static=True)
     """Height and width of the stored silhouettes (px)."""
 
@@ -38,61 +38,61 @@ class ProjectionTable(eqx.Module):
 
     @property
     def observed(self) -> Bool[np.ndarray, " voxels"]:
-        """Seen by enough cameras to be told from the background."""
+        """Whether enough cameras see the voxel to tell it from the background."""
         return self._by_voxel(np.asarray(self.observed_of_blocks))
 
     def pixels_at(self, voxels: Int[np.ndarray, "n 3"]) -> Int[np.ndarray, "cams n"]:
-        """The `pixels` of some voxels, given by x, y and z."""
+        """The `pixels` of some voxels, given by their grid indices x, y, z."""
         block, place = blocks_of(voxels, self.grid.shape)
         table = np.asarray(self.pixels_of_blocks)
         return table.reshape(len(table), -1).take(block * INNER + place, axis=1)
 
     def partly_seen(self, voxels: Int[np.ndarray, "n 3"]) -> Int[np.ndarray, " some"]:
-        """Those of some voxels, by their numbers, of whose blocks some camera may not see all."""
+        """Indices of the given voxels whose blocks some camera may see only in part."""
         blocks = (np.asarray(self.footprints) == nowhere(*self.size)).any(0)
         return np.flatnonzero(blocks.take(blocks_of(voxels, self.grid.shape)[0]))
 
     def with_min_views(self, min_views: int) -> "ProjectionTable":
-        """The same table with another number of cameras that must see a voxel."""
+        """The same table with another minimum number of cameras that see a voxel."""
         views = (np.asarray(self.pixels_of_blocks) < self.unseen).sum(0)
         return replace(self, observed_of_blocks=jnp.asarray((views >= min_views) & _real(self.grid.shape, len(views))))
 
     def _by_voxel(self, of_blocks: np.ndarray) -> np.ndarray:
-        """The grid's voxels in its order, from blocks of them."""
+        """Values in grid order, from values in block order."""
         every = np.stack(np.unravel_index(np.arange(self.grid.size), self.grid.shape), 1)
         blocks, places = blocks_of(every, self.grid.shape)
-        # Row by row in memory, as whoever reads it goes through it.
+        # Rows are contiguous in memory, in the order in which they are read.
         return of_blocks.reshape(*of_blocks.shape[:-2], -1).take(blocks * INNER + places, axis=-1)
 
     @property
     def unseen(self) -> int:
-        """The index of "not seen": the number of pixels of an image."""
+        """The pixel index that means "not seen": the number of pixels of an image."""
         return self.size[0] * self.size[1]
 
 
 def projection_table(cameras: Cameras, grid: VoxelGrid, height: int, width: int, min_views: int = 2) -> ProjectionTable:
     """Project every voxel centre of a grid into every camera, in float64.
 
-    A voxel falls on the pixel whose centre is nearest (halves round up). It is not seen by a camera that it lies
-    behind, or whose image it falls outside of.
+    A voxel projects onto the pixel with the nearest centre (halves round up). A camera does not see voxels that are
+    behind it or outside its image.
 
     Args:
-        cameras: The rig.
+        cameras: The rig, in the grid's world.
         grid: The voxels.
         height: Height of the stored silhouettes (px); the images of all cameras fit into it.
         width: Width of the stored silhouettes (px), a multiple of 8.
-        min_views: A voxel seen by fewer cameras than this is never occupied: nothing bounds it.
+        min_views: A voxel seen by fewer cameras than this is never occupied, because nothing bounds it.
     """
     blocks = count_blocks(grid.shape)
     pixels = np.full((len(cameras), step_above(blocks), INNER), height * width, np.int32)
     axes = grid.axes()
-    # Names are no numbers, and other names would compile again.
+    # Names are static fields, so other names would recompile.
     nameless = replace(cameras, names=tuple(map(str, range(len(cameras)))))
-    # Part by part, because all coordinates of a large grid at once would take gigabytes.
+    # In parts, because all coordinates of a large grid at once would take gigabytes.
     with jax.enable_x64(True):
         for start in range(0, blocks, _AT_ONCE):
             voxels = voxels_of(np.arange(start, start + _AT_ONCE) % blocks, grid.shape)
-            # What a block has outside of the grid is seen where its first voxel is.
+            # Voxels of a block outside the grid get the pixel of its first voxel.
             part = np.where(voxels < 0, voxels[:, :1], voxels).reshape(-1)
             points = [axis.take(index) for axis, index in zip(axes, np.unravel_index(part, grid.shape), strict=True)]
             found = np.asarray(_pixels(nameless, np.stack(points, 1), height, width)).reshape(len(cameras), -1, INNER)
@@ -105,7 +105,7 @@ def projection_table(cameras: Cameras, grid: VoxelGrid, height: int, width: int,
 
 
 def _real(shape: tuple[int, ...], blocks: int) -> Bool[np.ndarray, "blocks inner"]:
-    """Which voxels of so many blocks are voxels of a grid."""
+    """Mask of the voxels of the given number of blocks that lie inside the grid."""
     real = np.zeros((blocks, INNER), bool)
     own = count_blocks(shape)
     real[:own] = voxels_of(np.arange(own), shape) >= 0
@@ -116,7 +116,7 @@ def _real(shape: tuple[int, ...], blocks: int) -> Bool[np.ndarray, "blocks inner
 def _pixels(
     cameras: Cameras, points: Float[Array | np.ndarray, "n 3"], height: int, width: int
 ) -> Int[Array, "cams n"]:
-    """The pixels that points (m) fall on, as `ProjectionTable` has them."""
+    """The pixels that points in the world (m) project onto, as in `ProjectionTable`."""
     u, v, _ = project(cameras, points)
     u, v = jnp.floor(u + 0.5), jnp.floor(v + 0.5)
     # NaN, where the camera sees nothing, compares false.

@@ -1,4 +1,4 @@
-"""Hulls back in the images: how well do silhouettes and hull agree?"""
+"""Reprojection of hulls into the images, and their agreement with the silhouettes."""
 
 import cv2
 import equinox as eqx
@@ -15,13 +15,13 @@ class Agreement(eqx.Module):
     coverage: Float[np.ndarray, " cams"]
     """Share of the silhouette that the hull covers; NaN in a view without a silhouette."""
     spill: Float[np.ndarray, " cams"]
-    """Area of the hull outside of the silhouette, as a share of the silhouette; NaN likewise."""
+    """Area of the hull outside the silhouette, as a share of the silhouette; NaN in a view without a silhouette."""
 
 
 def reproject(
     hulls: VisualHulls, frame: int, cameras: Cameras, height: int, width: int
 ) -> Bool[np.ndarray, "cams h w"]:
-    """Draw the voxels of one frame into every view, each as a square of its own size in the image."""
+    """Masks (px) of one frame's hull in every view, drawing each voxel as a square of its projected size."""
     points = hulls.centres[hulls.inside[frame]]
     masks = np.zeros((len(cameras), height, width), np.uint8)
     if len(points) == 0:
@@ -36,7 +36,7 @@ def reproject(
         masks[c, row[inside].astype(int), column[inside].astype(int)] = 1
         if inside.any():
             edge = float(cameras.K[c, 0, 0]) * hulls.grid.spacing / np.median(depth[c, seen][inside])
-            # Between the centres of neighbouring voxels there must be no gap, also across their diagonals.
+            # Close the gaps between the centres of neighbouring voxels, also along diagonals.
             masks[c] = cv2.morphologyEx(masks[c], cv2.MORPH_CLOSE, _square(2 * edge))
             masks[c] = cv2.dilate(masks[c], _square(edge))
     return masks.astype(bool)

@@ -1,4 +1,4 @@
-"""Carve a batch and find the one person in each frame."""
+"""Carving a batch of frames and finding the one person in each."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
@@ -18,24 +18,24 @@ from ._people import find_people, seen_whole
 from ._projection_table import ProjectionTable
 from ._visual_hulls import VisualHulls
 
-# Poor masks cut a person up; the parts are this near to each other (m).
+# Poor masks cut a person into parts, which are at most this far apart (m).
 _CUT = 0.1
 
 Stopwatch = Callable[[str], AbstractContextManager[Any]]
-"""Called with the name of a stage, gives a context that lasts as long as the stage."""
+"""Called with the name of a stage, returns a context manager that is open as long as the stage lasts."""
 
 
 class Seen(eqx.Module):
-    """The frames of a batch that hold one whole person, and that person's hull."""
+    """The frames of a batch that show exactly one whole person, and the hull of that person."""
 
     status: Int[np.ndarray, " frames"]
     """A `Status` for each frame of the batch; OK where there is a person."""
     frames: Int[np.ndarray, " people"]
-    """The frames with a person, in order; hulls are of these."""
+    """Indices of the frames with a person, ascending; `hulls` has only these."""
     empty_views: Bool[np.ndarray, "frames cams"]
     """Views that show no person while others do."""
     hulls: VisualHulls | None
-    """None where there is nothing to carve."""
+    """Hulls of these people; None if there was nothing to carve."""
 
 
 def see_people(
@@ -49,12 +49,12 @@ def see_people(
     """Carve a batch of at most 32 frames and find the person in each.
 
     Args:
-        silhouettes: Packed bits.
-        cameras: In the world of the grid.
+        silhouettes: Packed bits, 1 = person.
+        cameras: The rig, in the grid's world.
         table: Projection of the grid into the cameras; None where no frame has a hull.
-        edge: Observed voxels at the edge of what is observed, see `observed_edge`.
-        max_misses: Cameras that may see background at an occupied voxel.
-        stopwatch: Told the stages ``carve`` and ``graph``.
+        edge: Mask of the observed voxels at the edge of the observed volume, see `observed_edge`.
+        max_misses: Number of cameras that may see background at an occupied voxel.
+        stopwatch: Called with the stages ``carve`` and ``graph``.
     """
     empty_views = find_empty_views(silhouette_areas(silhouettes), cameras)
     views = (~empty_views).sum(1)
@@ -79,5 +79,5 @@ def see_people(
 def middles_of_people(
     seen: Seen, silhouettes: UInt8[np.ndarray, "frames cams h w8"], cameras: Cameras
 ) -> Float[np.ndarray, "people 3"]:
-    """The middle of each person as the silhouettes alone say it (m)."""
+    """Middle of each person in the cameras' world (m), computed from the silhouettes alone."""
     return body_middles(cameras, silhouettes[seen.frames], seen.empty_views[seen.frames])

@@ -1,4 +1,4 @@
-"""Visual hulls of a batch of frames, stored sparsely: the door between carving (JAX) and the graph (NumPy)."""
+"""Visual hulls of a batch of frames, stored sparsely: the interface between carving (JAX) and graph (NumPy)."""
 
 import equinox as eqx
 import numpy as np
@@ -8,10 +8,10 @@ from ._grid import VoxelGrid
 
 
 class VisualHulls(eqx.Module):
-    """Occupied voxels of some frames. Voxels that are empty in every frame are not stored."""
+    """Occupied voxels of a batch of frames. Voxels that are empty in every frame are not stored."""
 
     voxels: Int[np.ndarray, "voxels 3"]
-    """Grid indices (x, y, z) of every voxel that is occupied in some frame, in the grid's order."""
+    """Grid indices (x, y, z) of every voxel that is occupied in some frame, in grid order."""
     inside: Bool[np.ndarray, "frames voxels"]
     """Whether a voxel is occupied in a frame."""
     grid: VoxelGrid
@@ -41,6 +41,6 @@ class VisualHulls(eqx.Module):
 
 
 def hulls_from_dense(occupancy: Bool[np.ndarray, "frames x y z"], grid: VoxelGrid) -> VisualHulls:
-    """Store dense occupancy, one volume a frame, as `VisualHulls`."""
+    """Store dense occupancy, one volume per frame, as `VisualHulls`."""
     voxels = np.argwhere(occupancy.any(0)).astype(np.int32)
     return VisualHulls(voxels, occupancy[:, voxels[:, 0], voxels[:, 1], voxels[:, 2]], grid)

@@ -1,4 +1,8 @@
-"""Files: recordings, calibrations and subjects in, poses out. Each kind has a room of its own."""
+"""File formats, one subpackage each kind of data.
+
+In: recordings (calibration, images, masks), subjects and motion capture. Out: validated types, and files with poses in
+the formats of other tools.
+"""
 
 from . import calibrations as calibrations
 from . import files as files

@@ -1,7 +1,7 @@
-"""Which end node is which limb (Sect. 3.2, Eq. 1 to 5).
+"""Labels of end nodes: which end node is which limb (Sect. 3.2, 3.3, Eq. 1 to 6).
 
-In: a `SkeletalGraph` a frame and the template. Out: `Limbs`: labelled end nodes, neck and pelvis, left and right, with
-the stature that the graphs show.
+In: a `SkeletalGraph` per frame and the template. Out: `Limbs`: labelled end nodes, neck and pelvis, left and right;
+and the stature estimated from the graphs.
 """
 
 from ._confidence import joint_confidence as joint_confidence

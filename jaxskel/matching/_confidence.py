@@ -1,4 +1,4 @@
-"""How far to trust each joint of a pose that follows the labelled graph, from 0 to 1."""
+"""Confidence in each joint of a pose that was fitted to the labelled graph, from 0 to 1."""
 
 import numpy as np
 from jaxtyping import Float
@@ -7,7 +7,7 @@ from ..body import JOINT_NAMES, TIP_PARENTS, Skeleton
 from ._descriptors import template_ends
 from ._limbs import END_NODE_REACH, HEAD, L_FOOT, L_HAND, R_FOOT, R_HAND, Limbs
 
-# A limb this far (m) from its end node, or with a way from the head wrong by so much, is not to be trusted.
+# Errors (m) at which confidence is low: of a limb to its end node, of its path length, of the trunk to its nodes.
 _END_SCALE, _WAY_SCALE, _NODE_SCALE = 0.08, 0.20, 0.10
 _LIMB_OF_JOINT = {
     "head": HEAD, "l_elbow": L_HAND, "l_hand": L_HAND, "r_elbow": R_HAND, "r_hand": R_HAND,
@@ -23,11 +23,11 @@ def joint_confidence(
     limbs: Limbs,
     skeleton: Skeleton,
 ) -> Float[np.ndarray, "frames joints=15"]:
-    """Confidence of the joints of poses that follow the labelled graph.
+    """Confidence from 0 to 1 of the joints of poses (m, in the graphs' world) that were fitted to the labelled graph.
 
-    A limb is trusted if its end node was found, if the way from the head to it through the body is as long as the
-    template's (an arm that touches the trunk has a short cut) and if the fitted limb reaches it. Pelvis and neck are
-    trusted if the fitted joint lies at its node.
+    A limb is trusted if its end node was found, if its path from the head through the graph is as long as the
+    template's (an arm that touches the trunk has a shorter path), and if the fitted limb reaches its end node. Pelvis
+    and neck are trusted if the fitted joint lies at its node.
     """
     base = joints[:, list(TIP_PARENTS)]
     reached = base + END_NODE_REACH * (tips - base)

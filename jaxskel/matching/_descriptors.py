@@ -1,4 +1,4 @@
-"""Geodesic descriptors of graphs and template (Eq. 1 and 5): the only door from ragged NumPy to padded JAX."""
+"""Geodesic descriptors of graphs and template (Eq. 1 and 5): ragged graphs (NumPy) become padded arrays (JAX)."""
 
 from collections.abc import Sequence
 
@@ -14,17 +14,17 @@ class EndNodes(eqx.Module):
     """End nodes of a batch of graphs, padded to `MAX_ENDS`, the root first, then by geodesic distance to it."""
 
     nodes: Int[np.ndarray, "frames ends"]
-    """Number of the node in its graph; -1 in the padding."""
+    """Index of the node in its graph; -1 in the padding."""
     count: Int[np.ndarray, " frames"]
     """Number of end nodes N."""
     distances: Float[np.ndarray, "frames ends ends"]
-    """D (Eq. 1): geodesic distance of every two end nodes (m); 0 in the padding."""
+    """D (Eq. 1): geodesic distance between every two end nodes (m); 0 in the padding."""
     positions: Float[np.ndarray, "frames ends 3"]
-    """In the graphs' world (m); 0 in the padding."""
+    """Positions in the graphs' world (m); 0 in the padding."""
 
 
 def describe_ends(graphs: Sequence[SkeletalGraph]) -> EndNodes:
-    """Collect the end nodes of some graphs and their pairwise geodesic distances.
+    """Collect the end nodes of some graphs and their pairwise geodesic distances (Eq. 1).
 
     Raises:
         ValueError: A graph has more than `MAX_ENDS` end nodes; limit them when pruning.

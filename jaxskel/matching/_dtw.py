@@ -7,7 +7,7 @@ from jaxtyping import Array, Float, Int
 def dtw(a: Float[Array, " a"], length: Int[Array, ""], b: Float[Array, " b"]) -> Float[Array, ""]:
     """Matching cost W(A, B) of the first `length` elements of `a` with all of `b`, with c = |alpha - beta|.
 
-    Written for one pair of sequences, to be vmapped; `a` is padded to a fixed length. The two loops unroll: they are
+    Handles one pair of sequences; vmap it over pairs. `a` is padded to a fixed length. The two loops unroll: they are
     short (16 by 5 for a skeletal graph), and a batch then runs through plain vector code.
     """
     infinity = jnp.full((), jnp.inf, a.dtype)

@@ -1,4 +1,4 @@
-"""The labelled skeletal graph: which end node is which limb, where neck and pelvis are, and which side is left."""
+"""The labelled skeletal graph (Fig. 2b): limbs of the end nodes, neck and pelvis, left and right."""
 
 import numpy as np
 from jaxtyping import Float
@@ -17,13 +17,13 @@ def labelled_limbs(
     """Match the end nodes, find neck and pelvis, tell left from right (Sect. 3.2, 3.3).
 
     Args:
-        graphs: One a frame.
+        graphs: One graph per frame.
         skeleton: The template.
-        matcher: Which end node is which limb.
+        matcher: Assigns limbs to end nodes.
         descriptor: Labels whose geodesic distances describe neck and pelvis (Eq. 5).
 
     Returns:
-        The limbs, the facing direction, and the confidence in left and right.
+        The limbs (m, in the graphs' world), the facing direction (unit), and the confidence in the sides (0.5 to 1).
     """
     ends = describe_ends(graphs)
     matches = matcher.match(ends, skeleton)

@@ -1,4 +1,4 @@
-"""Labelled limbs of a batch of graphs: inner nodes (Eq. 5, 6) and the paths from the head to every end node."""
+"""Labelled limbs of a batch of graphs: inner nodes (Eq. 5, 6) and paths from the head to every end node."""
 
 from collections.abc import Sequence
 
@@ -15,8 +15,8 @@ PATH_POINTS = 32
 HEAD, L_HAND, R_HAND, L_FOOT, R_FOOT = range(5)
 
 END_NODE_REACH = 0.7
-"""Where between the last joint (0) and the tip (1) an end node comes to lie: the mean of its cluster's outermost voxels
-is short of the surface by about one of them, and what the cameras see of a tip ends short of it, too."""
+"""Position of an end node between the last joint (0) and the tip (1). End nodes are the mean of their cluster's
+outermost voxels, about one voxel short of the surface, and the silhouettes of a tip end short of it, too."""
 
 PAPER_DESCRIPTOR = (HEAD, L_HAND, R_HAND, L_FOOT, R_FOOT)
 """The end nodes that describe neck and pelvis in Eq. 5."""
@@ -25,10 +25,10 @@ HANDLESS_DESCRIPTOR = (HEAD, L_FOOT, R_FOOT)
 
 
 class Limbs(eqx.Module):
-    """The labelled skeletal graph of some frames (Fig. 2b): five end nodes, two inner nodes, five paths."""
+    """Labelled skeletal graphs (Fig. 2b; m, in the graphs' world): five end nodes, two inner nodes, five paths."""
 
     paths: Float[np.ndarray, "frames labels=5 points 3"]
-    """From the root to the head, left and right hand, left and right foot, evenly spaced along the graph (m)."""
+    """Points from the root to the head, left and right hand, left and right foot, evenly spaced along the graph (m)."""
     lengths: Float[np.ndarray, "frames labels=5"]
     """Length of each path (m)."""
     found: Bool[np.ndarray, "frames labels=5"]
@@ -43,12 +43,12 @@ class Limbs(eqx.Module):
 
     @classmethod
     def none(cls, frames: int) -> "Limbs":
-        """No limb was found, because none was looked for."""
+        """Placeholder for frames in which no limbs were searched: none is found."""
         paths = np.zeros((frames, 5, PATH_POINTS, 3))
         return cls(paths, paths[:, :, 0, 0], np.zeros((frames, 5), bool), paths[:, 0, 0], paths[:, 0, 0])
 
     def at(self, label: int, distance: float | np.floating) -> Float[np.ndarray, "frames 3"]:
-        """The point of a path at some distance from its end node, measured along the graph (m)."""
+        """The point of each frame's path to a label, at a distance (m) from its end node along the graph."""
         length = self.lengths[:, label]
         step = (PATH_POINTS - 1) * np.clip(1 - distance / np.maximum(length, 1e-9), 0, 1)
         low = np.minimum(step.astype(int), PATH_POINTS - 2)
@@ -57,7 +57,7 @@ class Limbs(eqx.Module):
         return (1 - part) * self.paths[frames, label, low] + part * self.paths[frames, label, low + 1]
 
     def exchanged(self, hands: Bool[np.ndarray, " frames"], feet: Bool[np.ndarray, " frames"]) -> "Limbs":
-        """Exchange left and right of the marked frames."""
+        """Exchange left and right in the marked frames."""
         order = np.tile(np.arange(5), (len(hands), 1))
         order[hands, 1:3] = (2, 1)
         order[feet, 3:5] = (4, 3)
@@ -78,15 +78,15 @@ def label_limbs(
     skeleton: Skeleton,
     descriptor: tuple[int, ...] = HANDLESS_DESCRIPTOR,
 ) -> Limbs:
-    """Find neck and pelvis in each graph and follow its labelled limbs.
+    """Find neck and pelvis in each graph and trace its labelled limbs (m, in the graphs' world).
 
-    The inner nodes are those whose geodesic distances to the labelled end nodes come closest to the template's
+    Neck and pelvis are the nodes whose geodesic distances to the labelled end nodes are closest to the template's
     (Eq. 5 and 6), over those labels of `descriptor` that were found.
     """
     forest = forest_of(graphs)
     found = matches.ends >= 0
     nodes = np.where(found, np.take_along_axis(ends.nodes, np.maximum(matches.ends, 0), 1), 0)
-    # F_G(v) of every node v, without the labels that are not there.
+    # F_G(v) of every node v (Eq. 5); labels that were not found are masked out.
     here = forest.geodesics(nodes)
     used = found & np.isin(np.arange(5), descriptor)
     template = template_geodesics(skeleton)
@@ -103,12 +103,12 @@ def label_limbs(
 def _paths(
     forest: Forest, ends: Int[np.ndarray, "frames labels"]
 ) -> tuple[Float[np.ndarray, "frames labels points 3"], Float[np.ndarray, "frames labels"]]:
-    """Points on the ways from the root to some nodes, evenly spaced along the graph, and their lengths (m)."""
+    """Points on the paths from the root to some nodes, evenly spaced along the graph, and the path lengths (m)."""
     rows = np.arange(len(ends))[:, None]
     way = [ends]
     while way[-1].any():
         way.append(forest.parents[rows, way[-1]])
-    nodes = np.stack([np.zeros_like(ends), *way[::-1]], -1)  # from the root, which stands there several times
+    nodes = np.stack([np.zeros_like(ends), *way[::-1]], -1)  # from the root, which pads short paths
     depth, position = forest.depths[rows[..., None], nodes], forest.positions[rows[..., None], nodes]
     lengths = depth[..., -1]
     where = np.linspace(0, lengths, PATH_POINTS, axis=-1)

@@ -1,6 +1,6 @@
-"""Matching end nodes with the template (Sect. 3.2.2): the paper's DTW with Hungarian, and an exact joint matcher.
+"""Matching end nodes with the template (Sect. 3.2.2): the paper's DTW and Hungarian algorithm, and an exact matcher.
 
-A matcher is an object with ``match(ends, skeleton) -> Matches``; both are batched over frames.
+A matcher is an object with ``match(ends, skeleton) -> Matches``; both matchers work on batches of frames.
 """
 
 from collections.abc import Callable
@@ -23,17 +23,17 @@ from ._soft_dtw import soft_dtw
 
 
 class Matches(eqx.Module):
-    """End nodes with the labels head, hand, hand, foot, foot; the two of a pair are not told apart yet."""
+    """End nodes with the labels head, hand, hand, foot, foot; left and right are not distinguished yet."""
 
     ends: Int[np.ndarray, "frames labels=5"]
-    """Index into the end nodes of each graph; -1 where too few end nodes are there for this label."""
+    """Index into the end nodes of each graph; -1 if the graph has too few end nodes for this label."""
     cost: Float[np.ndarray, " frames"]
-    """Mean absolute difference of the geodesic distances of the matched end nodes from the template's (m)."""
+    """Mean absolute difference between the geodesic distances of the matched end nodes and the template's (m)."""
 
 
 @runtime_checkable
 class Matcher(Protocol):
-    """Gives labels to end nodes."""
+    """Assigns limb labels to end nodes."""
 
     def match(self, ends: EndNodes, skeleton: Skeleton) -> Matches:
         """Label the end nodes of a batch of graphs."""
@@ -46,7 +46,7 @@ def cost_matrices(
     count: Int[Array | np.ndarray, " frames"],
     template: Float[Array | np.ndarray, "labels=5 labels=5"],
 ) -> Float[Array, "frames ends labels=5"]:
-    """C (Eq. 4): DTW cost of every row of D with every row of D', infinite in the padding."""
+    """C (Eq. 4): DTW cost (m) of every row of D with every row of D', infinite in the padding."""
     return _rows_with_rows(dtw, distances, count, template)
 
 
@@ -57,7 +57,7 @@ def soft_cost_matrices(
     template: Float[Array | np.ndarray, "labels=5 labels=5"],
     gamma: Float[Array | np.ndarray, ""] | float,
 ) -> Float[Array, "frames ends labels=5"]:
-    """What [`cost_matrices`][] gives, with [`soft_dtw`][] of a gamma (m) in the place of `dtw`, for gradients."""
+    """As [`cost_matrices`][], but with [`soft_dtw`][] of smoothing gamma (m) instead of `dtw`, for gradients."""
 
     def soft(row, n, other):
         return soft_dtw(row, n, other, gamma)
@@ -71,21 +71,21 @@ def _rows_with_rows(
     count: Int[Array | np.ndarray, " frames"],
     template: Float[Array | np.ndarray, "labels=5 labels=5"],
 ) -> Float[Array, "frames ends labels=5"]:
-    """Of one row with one row, vmapped over frames, candidate nodes and template nodes."""
+    """Cost matrices: `cost` of two rows, vmapped over frames, end nodes and template nodes."""
     over_labels = jax.vmap(cost, (None, None, 0))
     over_ends = jax.vmap(over_labels, (0, None, None))
     padding = (jnp.arange(distances.shape[1])[None, :] >= count[:, None])[..., None]
-    # Whatever stands in rows that are not used, gradients shall not hear of it.
+    # Unused rows are zeroed, so that their contents cannot reach the gradients.
     costs = jax.vmap(over_ends, (0, 0, None))(jnp.where(padding, 0.0, distances), count, template)
     return jnp.where(padding, jnp.inf, costs)
 
 
 class DtwMatcher(eqx.Module):
-    """The paper's matcher: DTW costs (Eq. 3, 4), the head pinned to the root, then Hungarian assignment."""
+    """The paper's matcher: DTW costs (Eq. 3, 4), the head fixed to the root, then the Hungarian algorithm."""
 
     def match(self, ends: EndNodes, skeleton: Skeleton) -> Matches:
         """Label the end nodes of a batch of graphs."""
-        # Takes a tenth of a second, and the exact matcher has no use for it.
+        # Imported here, because it takes a tenth of a second and the exact matcher seldom needs it.
         from scipy.optimize import linear_sum_assignment
 
         template = template_ends(skeleton)
@@ -102,8 +102,8 @@ class DtwMatcher(eqx.Module):
 class ExactMatcher(eqx.Module):
     """The pair of hands and pair of feet whose geodesic distances, all together, agree best with the template's.
 
-    Minimises ``sum |D[q, q] - D'|`` over q = (root, hand, hand, foot, foot) by looking at all of them, where the
-    paper compares one row at a time and lets DTW absorb spurious end nodes.
+    Minimises ``sum |D[q, q] - D'|`` exhaustively over q = (root, hand, hand, foot, foot), whereas the paper compares
+    one row at a time and lets DTW absorb spurious end nodes.
     """
 
     def match(self, ends: EndNodes, skeleton: Skeleton) -> Matches:
@@ -113,14 +113,14 @@ class ExactMatcher(eqx.Module):
         best = np.asarray(_best_candidate(distances, count, template, _CANDIDATES))[: len(ends.count)]
         labels = np.where((ends.count >= 5)[:, None], _CANDIDATES[best], -1).astype(np.int64)
         few = np.flatnonzero(ends.count < 5)
-        if len(few):  # not all limbs are there: one row at a time, as the paper does
+        if len(few):  # some limbs are missing: match one row at a time, as the paper does
             part = EndNodes(*(getattr(ends, k)[few] for k in ("nodes", "count", "distances", "positions")))
             labels[few] = DtwMatcher().match(part, skeleton).ends
         return Matches(labels, _agreement(ends, labels, template))
 
 
 def _candidates() -> Int[np.ndarray, "candidates labels=5"]:
-    """All (root, hand, hand, foot, foot); the two of a pair are interchangeable, so in ascending order only."""
+    """All (root, hand, hand, foot, foot); the two of a pair are interchangeable, so only in ascending order."""
     others = range(1, MAX_ENDS)
     return np.array(
         [
@@ -138,7 +138,7 @@ _CANDIDATES = _candidates()
 @cached_jit
 def _best_candidate(distances, count, template, candidates) -> Int[Array, " frames"]:
     def one(d, n):
-        # The hands' and feet's rows of D' are alike, so the sum falls apart into few distinct terms.
+        # The template is symmetric, so D' has few distinct entries and the sum splits into few terms.
         head_hand, hand_hand = template[0, 1], template[1, 2]
         head_foot, foot_foot, hand_foot = template[0, 3], template[3, 4], template[1, 3]
         _, h1, h2, f1, f2 = candidates.T

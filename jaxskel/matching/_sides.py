@@ -1,7 +1,7 @@
-"""Left and right from a single frame: which way do the feet and knees point?
+"""Left and right from a single frame, by the direction in which feet and knees point.
 
-The paper decides sides "in a post processing step" that it does not describe. Feet are longer in front of the ankle
-and knees bend to the front, so both give the facing direction; up x facing then points to the left.
+The paper decides sides "in a post processing step" (Sect. 3.2.2) that it does not describe. Feet are longer in front of
+the ankle and knees bend to the front, so both give the facing direction; up x facing then points to the left.
 """
 
 import numpy as np
@@ -10,24 +10,24 @@ from jaxtyping import Float
 from ..body import Skeleton
 from ._limbs import L_FOOT, L_HAND, R_FOOT, R_HAND, Limbs
 
-# Where, in fractions of the limb's length from its tip, ankle, knee, upper thigh and upper arm are looked for.
+# Positions of ankle, knee, upper thigh and upper arm, in fractions of the limb's length from its tip.
 _ANKLE, _KNEE, _THIGH, _UPPER_ARM = 0.20, 0.52, 0.85, 0.80
-# Lengths (m) at which the evidence counts fully: of the facing vector and of the distance between the two limbs.
+# Lengths (m) at which evidence saturates: of the facing vector, and of the distance between the two limbs.
 _FACING_SCALE, _APART_SCALE = 0.10, 0.08
 
 
 def tell_sides(
     limbs: Limbs, skeleton: Skeleton
 ) -> tuple[Limbs, Float[np.ndarray, "frames 3"], Float[np.ndarray, " frames"]]:
-    """Give left and right to the two hands and the two feet.
+    """Assign left and right to the two hands and the two feet.
 
     Args:
         limbs: Limbs in a world with z up, the two of a pair in any order.
         skeleton: Template, for the lengths of arms and legs.
 
     Returns:
-        The limbs with the sides right, the facing direction (unit, horizontal; zero where nothing tells), and a
-        confidence from 0.5 (a guess) to 1.
+        The limbs with the correct sides, the facing direction (unit, horizontal; zero if unknown), and a confidence
+        from 0.5 (a guess) to 1.
     """
     lengths = skeleton.bone_lengths
     arm = lengths[3] + lengths[4] + skeleton.tip_lengths[1]
@@ -46,7 +46,7 @@ def tell_sides(
     def apart(one: int, other: int, where: float) -> np.ndarray:
         return ((limbs.at(one, where) - limbs.at(other, where)) * left).sum(1)
 
-    # Where limbs cross, their upper parts are still on their own sides.
+    # If limbs cross, their upper parts are still on their own sides.
     hands, feet = apart(L_HAND, R_HAND, _UPPER_ARM * arm), apart(L_FOOT, R_FOOT, _THIGH * leg)
     evidence = np.tanh(strength / _FACING_SCALE) * np.tanh(np.abs(feet) / _APART_SCALE)
     return limbs.exchanged(hands < 0, feet < 0), facing, 0.5 + 0.5 * evidence

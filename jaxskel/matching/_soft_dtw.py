@@ -1,4 +1,4 @@
-"""Dynamic time warping with a gradient by all warping paths: Cuturi and Blondel, *Soft-DTW* (ICML 2017)."""
+"""Soft-DTW: dynamic time warping that is differentiable over all warping paths (Cuturi and Blondel, ICML 2017)."""
 
 import jax
 import jax.numpy as jnp
@@ -14,24 +14,24 @@ def soft_dtw(
 ) -> Float[Array, ""]:
     """Soft minimum of the costs of all warping paths: ``-gamma log sum exp(-cost / gamma)``.
 
-    The costs are those of [`dtw`][], with c = |alpha - beta| as in Eq. 3, so it becomes `dtw` as gamma goes to zero and
-    is never above it; it may be negative. It is smooth but where an element equals its partner: there c has a kink,
-    and counts as flat. What lies behind ``length`` does not matter, whatever it is, and has a gradient of zero.
-    Nothing, a ``length`` of zero, has an infinite cost, as in `dtw`, and no gradient.
+    The costs are those of [`dtw`][], with c = |alpha - beta| as in Eq. 3, so it tends to `dtw` as gamma goes to 0 and
+    never exceeds it; it may be negative. It is smooth except where two elements are equal: there c has a kink, and its
+    gradient is set to zero. Elements beyond ``length`` are ignored and have a gradient of zero. A ``length`` of zero
+    has an infinite cost, as in `dtw`, and no gradient.
 
-    Written for one pair of sequences, to be vmapped; ``a`` is padded to a fixed length.
+    Handles one pair of sequences; vmap it over pairs. ``a`` is padded to a fixed length.
 
     Args:
-        a: A sequence, for a skeletal graph a row of D (m), padded.
+        a: A padded sequence (m), for a skeletal graph a row of D.
         length: Number of its elements.
-        b: Another sequence (m), one element at least.
-        gamma: How much dearer paths still count (m), above zero.
+        b: Another sequence (m) of at least one element.
+        gamma: Smoothing (m), above zero: how much costlier paths still count.
     """
-    # NaN in the padding would come back through the gradient of what is not used.
+    # NaN in the padding would leak into the gradients.
     a = jnp.where(jnp.arange(len(a), dtype=jnp.int32) < length, a, 0.0)
     temperature = jnp.asarray(gamma, a.dtype)
 
-    # Only ways that there are: infinite ones, as in `dtw`, would have gradients of NaN.
+    # Only existing predecessors: infinite costs, as in `dtw`, would give NaN gradients.
     def next_row(above: Float[Array, " b"], element: Float[Array, ""]) -> tuple[Float[Array, " b"], Float[Array, ""]]:
         row = []
         for j in range(len(b)):
@@ -40,14 +40,14 @@ def soft_dtw(
         return jnp.stack(row), row[-1]
 
     first = jnp.cumsum(_distance(a[0] - b))
-    # A loop, where `dtw` unrolls: the gradient of what is unrolled takes half a minute to compile.
+    # A scan, unlike in `dtw`: the gradient of unrolled loops takes half a minute to compile.
     _, costs = jax.lax.scan(next_row, first, a[1:])
     cost = jnp.concatenate([first[-1:], costs])[length - 1]
     return jnp.where(length == 0, jnp.inf, cost)
 
 
 def _distance(difference: Float[Array, "*some"]) -> Float[Array, "*some"]:
-    # Of two that are equal JAX takes the mean gradient, here zero; that of its absolute value is one there.
+    # At zero JAX averages the two gradients of a maximum, which gives zero; the gradient of jnp.abs is one there.
     return jnp.maximum(difference, -difference)
 
 

@@ -1,4 +1,4 @@
-"""The stature of an unknown subject, from the skeletal graphs of a few frames."""
+"""Stature of an unknown subject, estimated from the skeletal graphs of a few frames."""
 
 from collections.abc import Sequence
 
@@ -10,16 +10,16 @@ from ._descriptors import template_geodesics
 
 
 def estimate_stature(graphs: Sequence[SkeletalGraph], template: Skeleton | None = None) -> float | None:
-    """Standing height (m) of a template of such a size that its way from head to feet is as long as in the graphs.
+    """Standing height (m) of the scaled template whose path from head to feet is as long as in the graphs.
 
-    The two end nodes farthest from the head are the feet in most poses; the median over the frames forgives the rest.
+    The two end nodes farthest from the head are the feet in most poses; the median over the frames tolerates others.
 
     Args:
         graphs: Pruned graphs of one subject, rooted at the top of the head.
-        template: Of any size; by default the default adult.
+        template: Template of any size; by default the default adult.
 
     Returns:
-        The stature, or None where no graph has two limbs.
+        The stature (m), or None if no graph has two limbs.
     """
     template = template or default_adult()
     way = template_geodesics(template)[15, 3:].mean()

@@ -1,7 +1,7 @@
-"""What the silhouettes themselves say: viewing rays along their outlines, signed distances to them.
+"""Evidence from silhouettes: viewing rays along their outlines, and signed distances to them.
 
-In: packed silhouettes and cameras. Out: `Contours` and `SilhouetteDistances`, which objectives measure against. Not in
-the paper, which looks at the hull only.
+In: packed silhouettes and cameras. Out: `Contours` and `SilhouetteDistances`, which objectives compare a body with. Not
+in the paper, which uses only the hull.
 """
 
 from ._credible_rays import credible as credible

@@ -1,4 +1,4 @@
-"""Which outlines to believe: the others know where the person may end, and where not."""
+"""Selection of credible outline rays: rays of holes and blobs in a mask disagree with the other views."""
 
 import jax
 import jax.numpy as jnp
@@ -10,14 +10,14 @@ from .._runtime.compile_cache import cached_jit
 from ._distances import SilhouetteDistances
 from ._rays import Contours
 
-# Along each ray silhouettes are looked up at these distances from the middle of the person (m).
+# Positions along each ray where silhouettes are sampled, from the point nearest to the middle of the person (m).
 _PLACES = np.linspace(-1.2, 1.2, 49, dtype=np.float32)
-# The view that a ray comes from says nothing of it, and another one may err.
+# Number of views ignored: the ray's own view is no evidence, and another one may err.
 _PASSED_OVER = 2
-# A ray that comes deeper than this into what the others see is of a hole: views to both sides see the outline of a
-# trunk so thick (m) as well inside as their directions differ, and some more.
+# A ray that runs too deep inside the other silhouettes (m) belongs to a hole. The limit is how deep views to both sides
+# see the outline of a trunk of this thickness, which grows with the angle between views, plus a tolerance.
 _TRUNK, _DEEPER = 0.18, 0.005
-# A ray that comes nowhere as near as this to what the others see is of a blob (m).
+# A ray that stays farther than this outside the other silhouettes belongs to a blob (m).
 _FARTHEST = 0.025
 
 
@@ -28,17 +28,17 @@ def credible(
     views: Int[np.ndarray, " frames"],
     count: int,
 ) -> Contours:
-    """Of the outlines of some frames those that agree with all views but two, so many of each frame.
+    """Select, for each frame, outline rays that agree with all views but two.
 
-    A true outline's ray grazes the person. The outline of a hole in a mask runs through what the other views see as
-    well inside; the outline of a blob, through what they do not see at all.
+    The ray of a true outline grazes the person. The ray of a hole in a mask runs deep inside the silhouettes of the
+    other views; the ray of a blob stays outside of them.
 
     Args:
-        outlines: Rays, in no order.
+        outlines: Rays of each frame, in random order.
         silhouettes: Distances to the silhouettes of the same frames.
-        middles: Middle of each person (m).
-        views: How many views see each person.
-        count: Number of rays of each frame that are given back; where fewer are credible, some are given twice.
+        middles: Middle of each person in the cameras' world (m).
+        views: Number of views that see each person.
+        count: Number of rays returned per frame; if fewer are credible, some are repeated.
     """
     deepest = _DEEPER + _TRUNK * (1 - np.cos(2 * np.pi / np.maximum(views, 4)))
     given = single_precision((outlines, silhouettes, middles, deepest))

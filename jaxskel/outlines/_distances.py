@@ -1,7 +1,7 @@
-"""Signed distances to the silhouettes, view by view: where a body may be, as every single view sees it.
+"""Signed distances to the silhouettes, view by view: where the body may be according to each single view.
 
-A hull lets the poorest of its views decide: one hole in one mask is a tunnel through the person. Here each view speaks
-for itself, and a term can be robust to those that err.
+A hull is only as good as its worst view: one hole in one mask carves a tunnel through the person. Here each view counts
+separately, and an objective can be robust to views that err.
 """
 
 from typing import TypeVar
@@ -20,42 +20,42 @@ from ..recording import Box, person_boxes, unpacked_box
 
 T = TypeVar("T")
 
-# Values stand this many to a side of the image at most: finer ones say the same.
+# Largest number of values along a side of the image: finer grids give no more information.
 _MOST_CELLS = 320
-# Distances (px) are exact so far from the silhouette, and never larger.
+# Distances (px) are exact up to this value, and clipped there.
 _FARTHEST = 40
-# Of the Gaussian that means over neighbourhoods are made with (px), and how far from the outline these tell more than
-# the distance does (px): no farther than twice that.
+# Standard deviation of the Gaussian for local means (px), and the distance from the outline (px) within which they
+# replace the distance transform; they fade out at twice that distance.
 _SMOOTHING, _NEAR = 0.7, 1.5
-# What a view tells that tells nothing (m): well inside.
+# Value where a view has no information (m): well inside.
 _NOTHING = -1.0
-# All values of a lost view (px): far inside, wherever one looks.
+# All values of an empty view (px): far inside everywhere.
 _LOST = -1e3
 
 
 class SilhouetteDistances(eqx.Module):
-    """Signed distance from the outline of each silhouette on a regular grid of its image: negative on the person."""
+    """Signed distance to the outline of each silhouette, on a regular grid of its image: negative on the person."""
 
     values: Float[Array | np.ndarray, "*stack cams rows columns"]
-    """Distances (px), with the leading axes of the others, or, see `frame`, those of a stack."""
+    """Distances (px), with the leading axes of the other fields, or those of a stack, see `frame`."""
     step: Float[Array | np.ndarray, "*frames"]
-    """Distance of neighbouring values (px)."""
+    """Spacing of the values (px)."""
     cameras: Cameras
-    """The rig, in the world worked in, with the same leading axes."""
+    """The rig, in the working world, with the same leading axes."""
     misses: Int[Array | np.ndarray, "*frames"]
-    """So many views may err at any point."""
+    """Number of views that may err at any point."""
     frame: Int[Array, ""] | None = None
-    """Where this is one frame of a stack, which one: then `values` are still those of all frames."""
+    """Index of this frame if it is one of a stack; `values` are then still those of all frames."""
 
     def of(self, frame: Int[Array, ""]) -> "SilhouetteDistances":
-        """One frame of a stack on the device; its values, which are large, stay where they are."""
+        """One frame of a stack on the device; the large array of values is shared, not copied."""
         step, cameras, misses = jax.tree.map(lambda a: a[frame], (self.step, self.cameras, self.misses))
         return SilhouetteDistances(self.values, step, cameras, misses, frame)
 
     def at(self, points: Float[Array, "points 3"]) -> Float[Array, "cams points"]:
-        """Distances at points of the world (m, at the depth of each point, see `apparent_depth`), for one frame.
+        """Distances at points in the world (m, at the depth of each point, see `apparent_depth`), for one frame.
 
-        Far inside (-1 m) where a view tells nothing: outside of its image, behind it, or where it has lost the person.
+        Well inside (-1 m) where a view has no information: outside its image, behind it, or if it shows no person.
         """
         u, v, depth = self._seen(points)
         seen, distance, _ = self._interpolated(u, v)
@@ -64,22 +64,22 @@ class SilhouetteDistances(eqx.Module):
     def seen_at(
         self, points: Float[Array, "points 3"]
     ) -> tuple[Bool[Array, "cams points"], Float[Array, "cams points"]]:
-        """Whether points of the world (m) fall into each image, and the distances there as `at` gives them."""
+        """Whether points in the world (m) fall into each image, and the distances there, as from `at` (m)."""
         u, v, depth = self._seen(points)
         seen, distance, _ = self._interpolated(u, v)
         width, height = jnp.asarray(self.cameras.size).T
-        # Images that are smaller than the largest one end before the values do.
+        # Images smaller than the largest one end before the grid of values does.
         seen &= (u < width[:, None] - 0.5) & (v < height[:, None] - 0.5)
         return seen, self._in_metres(seen, distance, depth)
 
     @property
     def empty_views(self) -> Bool[Array, " cams"]:
-        """Views of one frame that tell nothing, because they show no person."""
+        """Views of one frame without information, because they show no person."""
         values = jnp.asarray(self.values)
         return (values if self.frame is None else values[self.frame])[:, 0, 0] == _LOST
 
     def near(self, points: Float[Array, "points 3"]) -> Float[Array, "cams points"]:
-        """The same without interpolation and without a gradient."""
+        """As `at`, but without interpolation and without a gradient."""
         u, v, depth = self._seen(points)
         seen, x, y = self._cells(u, v)
         place = self._once(self._places(jnp.round(y).astype(jnp.int32), jnp.round(x).astype(jnp.int32)))
@@ -89,17 +89,17 @@ class SilhouetteDistances(eqx.Module):
     def with_gradient(
         self, points: Float[Array, "points 3"]
     ) -> tuple[Float[Array, "cams points"], tuple[Float[Array, "cams points"], ...]]:
-        """What `at` gives, and its gradient by x, y and z."""
+        """The result of `at`, and its gradient with respect to x, y and z."""
         right, low, depth = (jnp.asarray(a) for a in in_cameras(self.cameras, self._once(points)))
         u, v = on_images(self.cameras, right, low, depth)
         seen, distance, (along_u, along_v) = self._interpolated(u, v)
         x, y = (jnp.where(seen, a / depth, 0.0) for a in (right, low))
         u_by_x, u_by_y, v_by_x, v_by_y = lens_slopes(self.cameras, x, y)
         by_x, by_y = along_u * u_by_x + along_v * v_by_x, along_u * u_by_y + along_v * v_by_y
-        # Of the distance in pixels times the depth, by a point in the frame of each camera.
+        # Gradient of distance (px) times depth, with respect to the point in camera coordinates.
         slopes = (by_x, by_y, distance - x * by_x - y * by_y)
         seems = apparent_depth(self.cameras, right, low, depth)
-        if self.cameras.fisheye is not None:  # times the distance, which moves in all directions
+        if self.cameras.fisheye is not None:  # times the distance from the centre, which depends on all coordinates
             wide, farther = self.cameras.fisheye[:, None], jnp.where(seen, seems / depth, 1.0)
             slopes = (
                 farther * by_x + jnp.where(wide, distance * x / farther, 0.0),
@@ -116,7 +116,7 @@ class SilhouetteDistances(eqx.Module):
     def _seen(
         self, points: Float[Array, "points 3"]
     ) -> tuple[Float[Array, "cams points"], Float[Array, "cams points"], Float[Array, "cams points"]]:
-        """Where points of the world (m) are seen (px), and at what depth, see `apparent_depth` (m)."""
+        """Projections (px) of points in the world (m), and their depths (m), see `apparent_depth`."""
         right, low, depth = (jnp.asarray(a) for a in in_cameras(self.cameras, self._once(points)))
         u, v = on_images(self.cameras, right, low, depth)
         return u, v, apparent_depth(self.cameras, right, low, depth)
@@ -132,15 +132,15 @@ class SilhouetteDistances(eqx.Module):
         distance: Float[Array, "cams points"],
         depth: Float[Array, "cams points"],
     ) -> Float[Array, "cams points"]:
-        """Distances (px) at the depths (m) of what is seen, as `at` gives them."""
+        """Convert distances (px) at the depths (m) of points to metres, as `at` returns them."""
         return jnp.where(seen, distance * depth / self._focal, _NOTHING)
 
     def _cells(
         self, u: Float[Array, "cams points"], v: Float[Array, "cams points"]
     ) -> tuple[Bool[Array, "cams points"], Float[Array, "cams points"], Float[Array, "cams points"]]:
-        """Whether image points (px) are seen, and where they are in the grid, whose values are cells' means."""
+        """Whether image points (px) are seen, and their coordinates in the grid, whose values are means over cells."""
         rows, columns = self.values.shape[-2:]
-        # What is not seen is NaN, and would be the whole gradient by the step, which is no one's variable.
+        # Unseen points are NaN and would make the gradient by the step NaN; the step is never a variable.
         step = jax.lax.stop_gradient(self.step)
         x, y = ((a + 0.5) / step - 0.5 for a in (u, v))
         seen = (x > -0.5) & (y > -0.5) & (x < columns - 0.5) & (y < rows - 0.5)  # false for NaN
@@ -148,14 +148,14 @@ class SilhouetteDistances(eqx.Module):
         return seen, jnp.clip(x, 0.0, columns - 1.001), jnp.clip(y, 0.0, rows - 1.001)
 
     def _places(self, row: Int[Array, "cams points"], column: Int[Array, "cams points"]) -> Int[Array, "cams points"]:
-        """Of cells of each view, as indices into all values."""
+        """Flat indices into all values, of cells of each view."""
         rows, columns = self.values.shape[-2:]
         view = jnp.arange(len(row), dtype=jnp.int32)[:, None]
         view = (view if self.frame is None else self.frame * len(row) + view) * (rows * columns)
         return view + row * columns + column
 
     def _value(self, place: Int[Array, "cams points"]) -> Float[Array, "cams points"]:
-        """Of cells (px)."""
+        """Distances (px) at flat indices."""
         return self._flat.at[place].get(mode="promise_in_bounds")
 
     def _once(self, results: T) -> T:
@@ -168,7 +168,7 @@ class SilhouetteDistances(eqx.Module):
     def _interpolated(
         self, u: Float[Array, "cams points"], v: Float[Array, "cams points"]
     ) -> tuple[Bool[Array, "cams points"], Float[Array, "cams points"], tuple[Float[Array, "cams points"], ...]]:
-        """Whether image points (px) are seen, the distances there (px), and their slopes along u and v."""
+        """Whether image points (px) are seen, the interpolated distances (px), and their slopes along u and v."""
         seen, x, y = self._cells(u, v)
         column, row = jnp.floor(x).astype(jnp.int32), jnp.floor(y).astype(jnp.int32)
         place, x, y, seen = self._once((self._places(row, column), x - column, y - row, seen))
@@ -190,8 +190,8 @@ def silhouette_distances(
     Args:
         silhouettes: Packed bits.
         cameras: The rig.
-        empty_views: Views that show no person; they tell nothing.
-        misses: How many views may err, see `judge_misses`.
+        empty_views: Views that show no person; they give no information.
+        misses: Number of views that may err, see `judge_misses`.
     """
     frames, views, height = silhouettes.shape[:3]
     width = 8 * silhouettes.shape[3]
@@ -216,14 +216,14 @@ def silhouette_distances(
 def signed_distances(
     packed: UInt8[np.ndarray, "h w8"], across: int, step: int, farthest: int = _FARTHEST, fine: bool = False
 ) -> Float[np.ndarray, "rows columns"]:
-    """Means over cells of an image so many pixels wide (px), exact near the person.
+    """Signed distances to one silhouette (px), as means over square cells of its image; exact near the person.
 
     Args:
-        packed: A silhouette.
-        across: Width of the image.
-        step: Width of a cell.
-        farthest: No distance is larger.
-        fine: Outlines run between the pixels without their stairs, which takes twice the time.
+        packed: Packed bits of the silhouette.
+        across: Width of the image (px).
+        step: Width of a cell (px).
+        farthest: Distances are clipped to this value (px).
+        fine: Whether to locate outlines to a fraction of a pixel, which takes twice the time.
     """
     found = np.full((-(-len(packed) // step), -(-across // step)), farthest, np.float32)
     box = person_boxes(packed)[0]
@@ -241,21 +241,21 @@ def _write_distances(
     farthest: int,
     fine: bool = False,
 ) -> None:
-    """`signed_distances` into an array that holds `farthest` everywhere: most of it stays as it is."""
+    """Write `signed_distances` into an array filled with `farthest`, most of which stays unchanged."""
     height, width = found.shape
     top, left = (max(first - farthest, 0) // step for first in (box.top, box.left))
     bottom, right = (min((end - 1 + farthest) // step + 1, n) for end, n in ((box.bottom, height), (box.right, width)))
     near = unpacked_box(packed, step * top, step * bottom, step * left, min(step * right, across)).view(np.uint8)
-    # A person who is cut off by the edge of the image goes on there, also where the last cell is not whole.
+    # A person cut off by the edge of the image continues beyond it, also in an incomplete last cell.
     beyond = step * (bottom - top) - near.shape[0], step * (right - left) - near.shape[1]
     near = cv2.copyMakeBorder(near, 0, beyond[0], 0, beyond[1], cv2.BORDER_REPLICATE)
     away = 1 - near
     signed = cv2.distanceTransform(away, cv2.DIST_L2, 3)
-    # Inside, nothing counts that is farther out than the next pixel.
+    # The transform of the inside needs only the bounding box and one pixel around it.
     left_most, top_most, wide, high = cv2.boundingRect(near)
     own = slice(max(top_most - 1, 0), top_most + high + 1), slice(max(left_most - 1, 0), left_most + wide + 1)
     signed[own] -= cv2.distanceTransform(np.ascontiguousarray(near[own]), cv2.DIST_L2, 3)
-    # Half-way between two pixels the distance is zero.
+    # The distance is zero half-way between person and background pixels.
     signed = cv2.addWeighted(signed, 1, away, -1, 0.5, dtype=cv2.CV_32F)
     cv2.threshold(signed, farthest, 0, cv2.THRESH_TRUNC, dst=signed)
     if fine:
@@ -265,14 +265,14 @@ def _write_distances(
 
 
 def _without_stairs(person: UInt8[np.ndarray, "h w"], signed: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
-    """Distances (px) that are told near the outline by how much of the neighbourhood is person.
+    """Refine distances (px) near the outline by the share of person pixels in the neighbourhood.
 
-    Areas say where the outline of a binary image is to a fifth of a pixel; the nearest centre of a pixel does not.
+    Areas locate the outline of a binary image to a fifth of a pixel; the nearest pixel centre does not.
     """
     outside = (1 - person).astype(np.float32)
     mean = cv2.GaussianBlur(outside, (0, 0), _SMOOTHING, borderType=cv2.BORDER_REPLICATE)
-    # Twicing: a kernel without second moments. A Gaussian alone would shrink whatever is round, fingers most of all.
+    # Twicing: a kernel without second moments. A Gaussian alone would shrink round shapes, fingers most of all.
     mean += cv2.GaussianBlur(outside - mean, (0, 0), _SMOOTHING, borderType=cv2.BORDER_REPLICATE)
-    slope = (2 - np.sqrt(0.5)) / (_SMOOTHING * np.sqrt(2 * np.pi))  # of it, across a straight outline
+    slope = (2 - np.sqrt(0.5)) / (_SMOOTHING * np.sqrt(2 * np.pi))  # of the mean, across a straight outline
     near = 1 - np.clip((np.abs(signed) - _NEAR) / _NEAR, 0, 1)
     return (near * (mean - 0.5) / slope + (1 - near) * signed).astype(np.float32)

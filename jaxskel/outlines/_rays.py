@@ -1,4 +1,4 @@
-"""What the silhouettes' outlines say to a body with volume: viewing rays that graze it."""
+"""Viewing rays through the outlines of silhouettes, which graze the surface of the body."""
 
 from functools import lru_cache
 from typing import NamedTuple
@@ -11,22 +11,22 @@ from ..cameras import Cameras, rays
 from ..recording import Box, person_boxes, unpacked_box
 
 RAYS = 3600
-"""Rays of a frame, by default: about a third of an outline's pixels in ten views of 640 x 480."""
+"""Default number of rays per frame: about a third of an outline's pixels in ten views of 640 x 480."""
 
 
 class Contours(eqx.Module):
     """Viewing rays through points of the silhouettes' outlines, of all views of a frame together.
 
-    A true outline's rays graze the body: unlike the hull's surface, they say nothing about what no view can tell.
+    Rays of a true outline graze the body. Unlike the hull's surface, they do not constrain what no view observes.
     """
 
     centres: Float[Array | np.ndarray, "*frames rays 3"]
-    """A point on each ray: the optical centre of its camera (m)."""
+    """A point on each ray: the optical centre of its camera in the world (m)."""
     directions: Float[Array | np.ndarray, "*frames rays 3"]
-    """Unit vectors."""
+    """Unit viewing directions in the world."""
 
     def thinned(self, factor: int) -> "Contours":
-        """One ray of so many: rays are in no order."""
+        """Every `factor`-th ray; the rays of a view are in random order."""
         return Contours(self.centres[..., ::factor, :], self.directions[..., ::factor, :])
 
 
@@ -38,15 +38,15 @@ def contours(
 ) -> Contours:
     """Rays through the outlines of some frames' silhouettes, the same number from each view.
 
-    An outline runs half-way between pixels of person and background. Where a view is cut off by the edge of its image
-    there is no outline. Points are drawn without order but always the same.
+    An outline runs half-way between person and background pixels. There is no outline where the edge of the image cuts
+    the person off. Points are drawn at random with a fixed seed.
 
     Args:
         silhouettes: Packed bits.
         cameras: The rig.
-        empty_views: Views that are left out.
-        count: Number of rays of a frame; where there are fewer points, some are given twice, and where there are none
-            at all, all rays are NaN.
+        empty_views: Views to leave out.
+        count: Number of rays per frame; if there are fewer points, some are repeated, and if there are none at all, all
+            rays are NaN.
     """
     own = cameras.centres
     centres, directions = (np.full((len(silhouettes), count, 3), np.nan, np.float32) for _ in range(2))
@@ -63,7 +63,7 @@ def _write_directions(
     cameras: Cameras,
     empty_views: Bool[np.ndarray, " cams"],
 ) -> Int[np.ndarray, " rays"] | None:
-    """Fill in the rays of one frame, and tell the camera of each; None where there is no outline."""
+    """Write the directions of one frame's rays and return the camera of each; None if there is no outline."""
     bent = cameras.bent
     views = []
     for camera, (packed, box) in enumerate(zip(silhouettes, person_boxes(silhouettes), strict=True)):
@@ -71,7 +71,7 @@ def _write_directions(
             continue
         width, height = cameras.size[camera]
         steps, seen = _steps_in(packed[:height], int(width), box), None
-        if bent[camera]:  # only what the lens shows one-to-one
+        if bent[camera]:  # keep points where the lens is one-to-one
             seen = rays(cameras, camera, steps.points)
             there = np.flatnonzero(np.isfinite(seen).all(1))
             steps, seen = steps.some(there), seen[there]
@@ -94,34 +94,34 @@ def _write_directions(
 
 @lru_cache(maxsize=4096)
 def _drawn(points: int, share: int) -> Int[np.ndarray, " share"]:
-    """Which of some points are drawn; where there are fewer, some are drawn twice."""
+    """Indices of randomly drawn points (fixed seed); if there are too few points, some are repeated."""
     drawn = np.resize(np.random.default_rng(0).permutation(points)[:share], share)
     drawn.flags.writeable = False
     return drawn
 
 
 def outline(packed: UInt8[np.ndarray, "h w8"], width: int) -> Float[np.ndarray, "n 2"]:
-    """Points (u, v) between neighbouring pixels of which one is person, the other background (px)."""
+    """Points (u, v) half-way between neighbouring person and background pixels (px)."""
     box = person_boxes(packed)[0]
     return np.zeros((0, 2)) if box is None else _steps_in(packed, width, box).points
 
 
 class _Steps(NamedTuple):
-    """Places of an outline, most of which nobody draws."""
+    """Outline points in compact form, since most of them are never drawn."""
 
     place: Int[np.ndarray, " n"]
-    """Of the pixel to the left of it or above it, row after row of some part of an image."""
+    """Flat index of the pixel to the left of each point or above it, in some part of an image."""
     below: Bool[np.ndarray, " n"]
     """Whether the other pixel is the one below, not the one to the right."""
     part: tuple[int, int, int]
-    """Number of columns, first column and first row of that part."""
+    """Number of columns, first column and first row of that part (px)."""
 
     def some(self, which: Int[np.ndarray, " some"]) -> "_Steps":
         return _Steps(self.place[which], self.below[which], self.part)
 
     @property
     def points(self) -> Float[np.ndarray, "n 2"]:
-        """Columns and rows half-way between the two pixels (px)."""
+        """Points (u, v) half-way between the two pixels (px)."""
         width, left, top = self.part
         v, u = np.divmod(self.place, width)
         half = 0.5 * self.below
@@ -132,7 +132,7 @@ def _steps_in(packed: UInt8[np.ndarray, "h w8"], width: int, box: Box) -> _Steps
     top, bottom, left, right = box
     top, left = max(top - 1, 0), max(left - 1, 0)
     near = unpacked_box(packed, top, bottom + 1, left, min(right + 1, width))
-    # In one row of numbers what is true is found several times as fast; the last one has no right neighbour.
+    # Flat arrays are searched several times as fast; the last pixel of a row has no right neighbour.
     row = near.ravel()
     beside = row[1:] ^ row[:-1]
     beside[near.shape[1] - 1 :: near.shape[1]] = False

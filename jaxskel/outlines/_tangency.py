@@ -1,10 +1,9 @@
-"""How well silhouettes of different views agree, from their outermost epipolar tangents alone.
+"""Agreement between the silhouettes of different views, measured by their outermost epipolar tangents.
 
-A plane through two optical centres that touches the person touches both silhouettes, and of the planes of a pair of
-views the two outermost belong together, see `_epipolar_tangents`. By how much they miss each other is known to a part
-of a pixel and needs neither voxels nor anything that is compiled. It tells of shifts that hulls hardly notice: of all
-images by 27 of 480 px, hulls of ten views lose 5 % of the silhouettes, while the planes miss each other by ten times as
-much.
+A plane through two optical centres that touches the person touches both silhouettes, so the outermost tangent planes of
+two views coincide, see `_epipolar_tangents`. Their mismatch is known to a fraction of a pixel and needs neither voxels
+nor compiled code. It reveals shifts that hulls hardly notice: if all images are shifted by 27 of 480 px, hulls of ten
+views lose 5 % of the silhouettes, while the mismatch grows by a factor of ten.
 """
 
 from collections.abc import Mapping
@@ -18,22 +17,23 @@ from jaxtyping import Bool, Float, UInt8
 from ..cameras import Cameras, rays
 from ..recording import person_boxes, unpacked_box
 
-# As in `_epipolar_tangents`: beyond this the other camera is in front of the person or behind, and none is outermost.
+# Largest angle of a tangent plane (rad), as in `_epipolar_tangents`: beyond it the other camera is in front of the
+# person or behind, and no plane is outermost.
 _WIDEST = 1.3
 
 
 @dataclass(frozen=True)
 class ConvexOutline:
-    """The convex hull of the outline of a silhouette's largest part."""
+    """The convex hull of the outline of a silhouette's largest connected part."""
 
     uv: Float[np.ndarray, "points 2"]
-    """Centres of pixels (px)."""
+    """Pixel centres (u, v) on the outline (px)."""
     cut: Bool[np.ndarray, " points"]
-    """At the edge of the image, where the person may go on."""
+    """Whether a point is at the edge of the image, where the person may continue."""
 
 
 def convex_outline(packed: UInt8[np.ndarray, "h w8"], width: int, height: int) -> ConvexOutline | None:
-    """The convex outline of a packed silhouette in an image of this size (px); None where it is black."""
+    """The convex outline of a packed silhouette in an image of this size (px); None if it is black."""
     box = person_boxes(packed[None, :height])[0]
     if box is None:
         return None
@@ -48,16 +48,16 @@ def convex_outline(packed: UInt8[np.ndarray, "h w8"], width: int, height: int) -
 def tangent_misses(
     cameras: Cameras, outlines: Mapping[tuple[int, int], ConvexOutline], frames: int
 ) -> Float[np.ndarray, "pairs frames 2"]:
-    """By how much the outermost planes of each pair of views miss each other in each frame, on either side.
+    """Mismatch of the outermost tangent planes of each pair of views in each frame, on either side.
 
     Args:
         cameras: The rig.
-        outlines: By frame and view; those that are missing are of views without a person.
-        frames: How many frames there are.
+        outlines: Outlines by frame and view; views without a person are missing.
+        frames: Number of frames.
 
     Returns:
-        Angles between planes over the standard deviation that they have if each ray errs by a pixel, so about px. In
-        the order of `pairs_of`; NaN where an edge of the image cuts the person off, or no plane is outermost.
+        Angles between planes, divided by their standard deviation if each ray errs by a pixel, so about px. In the
+        order of `pairs_of`; NaN if the edge of an image cuts the person off, or if no plane is outermost.
     """
     centres, focal = cameras.centres, np.asarray(cameras.K)[:, [0, 1], [0, 1]].mean(1)
     seen = {key: rays(cameras, key[1], outline.uv) for key, outline in outlines.items()}
@@ -76,7 +76,7 @@ def tangent_misses(
 
 
 def pairs_of(views: int) -> list[tuple[int, int]]:
-    """All pairs of so many views."""
+    """All pairs of view indices."""
     return list(combinations(range(views), 2))
 
 
@@ -86,13 +86,13 @@ def _between(
     baseline: Float[np.ndarray, "3"],
     focal: tuple[float, float],
 ) -> tuple[float, float]:
-    """The misses of one pair of views in one frame."""
+    """Mismatch of one pair of views in one frame, on either side."""
     middle = seen[0].mean(0)
     ahead = middle - (middle @ baseline) * baseline
     ahead = ahead / max(float(np.linalg.norm(ahead)), 1e-12)
     side = np.cross(baseline, ahead)
     angles = [np.arctan2(directions @ side, directions @ ahead) for directions in seen]
-    # NaN, where a lens shows nothing one-to-one, compares false.
+    # NaN, outside the one-to-one range of a lens, compares false.
     if not max(np.abs(angle).max() for angle in angles) < _WIDEST:
         return np.nan, np.nan
     found = [np.nan, np.nan]

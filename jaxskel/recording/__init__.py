@@ -1,7 +1,7 @@
-"""A recording: calibrated, synchronised silhouettes of one person (Sect. 2).
+"""Recordings: calibrated, synchronised silhouettes of one person (Sect. 3).
 
-In: packed silhouettes, cameras, frames per second. Out: a `Recording` that can be cut like a list of frames, which of
-its views are empty, and which way is up.
+In: packed silhouettes, cameras, frames per second. Out: a `Recording` that can be sliced like a list of frames, its
+empty views, and its up axis.
 """
 
 from ._frame_rows import recording_rows as recording_rows

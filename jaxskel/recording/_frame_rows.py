@@ -1,4 +1,4 @@
-"""Which frames of a recording poses were made of."""
+"""Correspondence between the frames of poses and those of the recording that they were made from."""
 
 import numpy as np
 from jaxtyping import Int
@@ -8,10 +8,10 @@ from ._recording import Recording
 
 
 def recording_rows(recording: Recording, poses: Poses) -> Int[np.ndarray, " frames"]:
-    """The frame of the recording, counted from 0, that belongs to each frame of the poses, by frame index.
+    """Row of the recording, counted from 0, for each frame of the poses, matched by frame index.
 
     Raises:
-        ValueError: The poses have no frames, or they are not of this recording.
+        ValueError: The poses have no frames, or they were not made from this recording.
     """
     if len(poses) == 0:
         raise ValueError("the poses have no frames; give at least one")
@@ -24,15 +24,15 @@ def recording_rows(recording: Recording, poses: Poses) -> Int[np.ndarray, " fram
 
 
 def rows_by_index(source: str, frame_index: Int[np.ndarray, " available"], poses: Poses) -> Int[np.ndarray, " frames"]:
-    """The row of each frame of the poses among frames of the given numbers.
+    """Row of each frame of the poses in a list of frame numbers.
 
     Args:
-        source: Where the numbers come from, for messages.
-        frame_index: Number of each frame that there is.
+        source: Origin of the numbers, for error messages.
+        frame_index: Number of each available frame.
         poses: The poses.
 
     Raises:
-        ValueError: A frame of the poses is not there.
+        ValueError: A frame of the poses is missing.
     """
     row = {number: i for i, number in enumerate(frame_index.tolist())}
     missing = [number for number in poses.frame_index.tolist() if number not in row]

@@ -21,24 +21,24 @@ class Truth(eqx.Module):
 
 
 class Recording(eqx.Module):
-    """Silhouettes of one person, all views at once, in the world of the cameras."""
+    """Silhouettes of one person in all views, with the cameras that define the world."""
 
     cameras: Cameras
     silhouettes: Silhouettes
-    """Packed bits, as `numpy.packbits` over the width gives them: 1 = person. In memory, or read frame by frame."""
+    """Packed bits (1 = person), as from `numpy.packbits` over the width; in memory, or read frame by frame."""
     fps: float
     """Frames per second of these frames."""
     up: str
     """World axis that points up: one of `UP_AXES`."""
     frame_index: Int[np.ndarray, " frames"]
-    """Number of each frame in the material it was taken from."""
+    """Number of each frame in the original material."""
     skeleton: Skeleton | None = None
     """The subject's dimensions, if known."""
     truth: Truth | None = None
     name: str = "recording"
     turns: Int[np.ndarray, " cams"] | None = None
-    """By how much the images of each camera were turned after it was calibrated (degrees, clockwise), where that is
-    known. Cameras are those of the images as they are."""
+    """Rotation of each camera's images after its calibration (degrees, clockwise), where known. `cameras` describe the
+    images as they are now."""
 
     def __len__(self) -> int:
         return len(self.silhouettes)
@@ -65,9 +65,9 @@ def unpack_silhouettes(packed: UInt8[np.ndarray, "*batch h w8"], width: int) -> 
 
 
 def rotation_to_z_up(up: str) -> Float[np.ndarray, "3 3"]:
-    """Rotation that takes a world whose up axis is `up` to one with z up.
+    """Rotation from a world whose up axis is `up` to one with z up.
 
-    A cyclic exchange of the axes, with two signs flipped for a negative axis: exact in floating point.
+    A cyclic permutation of the axes, with two signs flipped for a negative axis: exact in floating point.
     """
     if up not in UP_AXES:
         raise ValueError(f"up axis {up!r}: give one of {', '.join(UP_AXES)}")

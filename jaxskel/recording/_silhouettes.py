@@ -1,4 +1,4 @@
-"""Silhouettes that are not in memory: frames are read when they are asked for, so that recordings of any length fit."""
+"""Silhouettes that are read from storage on access, so that memory does not limit the length of a recording."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Int, UInt8
 
-# Frames that are looked at together where all are looked at.
+# Frames per batch when all frames are read.
 _AT_ONCE = 32
 
 
 class AbstractSilhouettes(ABC):
-    """Packed bits of frames that lie somewhere else, indexed as an array ``frames cams h w8`` would be."""
+    """Packed bits of frames that are stored elsewhere, indexed like an array ``frames cams h w8``."""
 
     shape: tuple[int, int, int, int]
     """Frames, cameras, height (px), width (bytes of 8 px)."""
@@ -25,7 +25,7 @@ class AbstractSilhouettes(ABC):
         return self.shape[0]
 
     def __getitem__(self, index: Any) -> UInt8[np.ndarray, "..."]:
-        """Read the frames of a number, a slice or an array of numbers, which may stand before indices of other axes."""
+        """Read the frames of a number, a slice or an array of numbers; indices of other axes may follow."""
         frames, *others = index if isinstance(index, tuple) else (index,)
         chosen = np.arange(len(self))[frames]
         found = self.read(np.atleast_1d(chosen))
@@ -36,7 +36,7 @@ class AbstractSilhouettes(ABC):
         return np.asarray(self[:], dtype)
 
     def batches(self) -> Iterator[UInt8[np.ndarray, "some cams h w8"]]:
-        """All frames, a few at a time."""
+        """Iterate over all frames in batches."""
         for start in range(0, len(self), _AT_ONCE):
             yield self[start : start + _AT_ONCE]
 

@@ -1,4 +1,4 @@
-"""Which views of a frame show a person at all."""
+"""Views that show a person: areas, boxes and centroids of silhouettes, and which views are empty."""
 
 from typing import NamedTuple
 
@@ -21,27 +21,27 @@ def silhouette_areas(silhouettes: Silhouettes) -> Int[np.ndarray, "frames cams"]
     if isinstance(silhouettes, AbstractSilhouettes):
         return np.concatenate([silhouette_areas(batch) for batch in silhouettes.batches()])
     views = np.ascontiguousarray(silhouettes).reshape(*silhouettes.shape[:2], -1)
-    # Eight bytes at once take a fifth of the time.
+    # Counting eight bytes at once takes a fifth of the time.
     whole = views.shape[2] // 8 * 8
     parts = views[..., :whole].view(np.uint64), views[..., whole:]
     return sum((np.bitwise_count(part).sum(2, dtype=np.int64) for part in parts), np.zeros(views.shape[:2], np.int64))
 
 
 class Box(NamedTuple):
-    """The rows and columns of an image that show a person (px)."""
+    """Bounding box of the person in an image: rows and columns (px)."""
 
     top: int
     bottom: int
-    """Behind the last row."""
+    """One past the last row."""
     left: int
     right: int
-    """Behind the last column."""
+    """One past the last column."""
 
 
 def person_boxes(silhouettes: UInt8[np.ndarray, "*views h w8"]) -> list[Box | None]:
-    """The box around each silhouette, one view after the other; None where all is black."""
+    """Bounding box of each silhouette, one view after the other; None if the silhouette is black."""
     views = silhouettes.reshape(-1, *silhouettes.shape[-2:])
-    # The widest numbers that a row is made of: there are fewer of them.
+    # Read rows as the widest integers that divide them, since there are fewer of these.
     size = next(size for size in (8, 4, 2, 1) if views.shape[2] % size == 0)
     rows = np.bitwise_or.reduce(np.ascontiguousarray(views).view(f"u{size}"), 2) > 0
     columns = np.unpackbits(np.bitwise_or.reduce(views, 1), axis=1)
@@ -53,17 +53,17 @@ def person_boxes(silhouettes: UInt8[np.ndarray, "*views h w8"]) -> list[Box | No
 def unpacked_box(
     packed: UInt8[np.ndarray, "h w8"], top: int, bottom: int, left: int, right: int
 ) -> Bool[np.ndarray, "rows columns"]:
-    """Part of a silhouette: a person covers a tenth of an image, and the rest takes as long to unpack."""
+    """Unpack part of a silhouette (px): a person covers a tenth of an image, and the rest takes as long to unpack."""
     first = left // 8
     bits = np.unpackbits(packed[top:bottom, first : -(-right // 8)], axis=1)
     return bits[:, left - 8 * first : right - 8 * first].view(bool)
 
 
 def find_empty_views(areas: Int[np.ndarray, "frames cams"], cameras: Cameras) -> Bool[np.ndarray, "frames cams"]:
-    """Views without a person: black ones and those with specks only."""
+    """Mask of the views without a person: black ones and those with specks only."""
     floor = _LEAST_SHARE * cameras.size.prod(1)
     there = areas >= floor
-    # In a frame where nobody is there all views count, to spare the median of nothing; the floor takes them anyway.
+    # If a frame shows nobody, all its views count, to avoid an empty median; the floor rejects them anyway.
     counted = np.where(there | ~there.any(1, keepdims=True), areas, np.nan)
     typical = np.nanmedian(counted, axis=1) if areas.size else np.zeros(len(areas))
     return ~there | (areas < _LEAST_OF_MEDIAN * typical[:, None])
@@ -72,7 +72,7 @@ def find_empty_views(areas: Int[np.ndarray, "frames cams"], cameras: Cameras) ->
 def silhouette_centroids(
     silhouettes: UInt8[np.ndarray, "frames cams h w8"],
 ) -> Float[np.ndarray, "frames cams 2"]:
-    """Centroid (u, v) of every silhouette (px), to four pixels in u; NaN in a black view."""
+    """Centroid (u, v) of every silhouette (px), accurate to four pixels in u; NaN in a black view."""
     counts = np.bitwise_count(silhouettes)
     rows, columns = counts.sum(3, dtype=np.uint16), counts.sum(2, dtype=np.uint16)
     area = rows.sum(2, dtype=np.int64)

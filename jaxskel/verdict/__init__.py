@@ -1,6 +1,7 @@
-"""Before any pose: do the views of a recording agree, and is what they agree on a person?
+"""Plausibility check before any pose is computed: do the views of a recording agree, and do they show a person?
 
-In: a `Recording`. Out: a `Verdict` that names what is wrong, its likely cause and the guilty view.
+In: a `Recording`. Out: a `Verdict` that names each fault, its likely cause and the views that have it. The paper has
+no such step.
 """
 
 from ._gate import doubts_before_work as doubts_before_work

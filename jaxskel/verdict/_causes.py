@@ -1,4 +1,4 @@
-"""What is wrong with a view that contradicts the others: the repair that makes it agree."""
+"""Faults of single views that contradict the others: tests which repair makes the view agree."""
 
 from collections.abc import Iterator, Sequence
 from itertools import combinations
@@ -16,13 +16,13 @@ from ._scene import Scene
 from ._similarity import fit_similarity
 from ._views import reduced_silhouettes
 
-# A repair is believed where it takes away this share of what the culprit adds to the misfit. True ones take away 0.9
-# and more, on all shared recordings that were spoilt on purpose.
+# A repair is accepted if it removes this share of the misfit that the culprit adds. Correct repairs remove 0.9 and
+# more on all shared recordings with faults added on purpose.
 _MENDED = 0.7
-# A repair that leaves less of the silhouettes than this takes the view away instead of mending it.
+# A repair that keeps a smaller share of the silhouettes than this removes the person instead of mending the view.
 _KEPT = 0.7
 MOST_PERSON = 0.5
-"""Share of an image that nobody covers who is filmed whole: masks with more are inverted."""
+"""Masks that cover a larger share of the image are taken for inverted: nobody filmed whole covers this much."""
 
 
 class Cause(NamedTuple):
@@ -30,27 +30,29 @@ class Cause(NamedTuple):
 
     views: tuple[int, ...]
     told: str
-    """The fault, as a predicate of the views."""
+    """The fault, as a predicate whose subject is the views."""
     misfit: float
-    """What it would be if the fault were mended (half heights)."""
+    """Misfit that remains once the fault is mended (half heights)."""
 
 
 class Material(NamedTuple):
-    """Where the silhouettes of a scene come from: other frames may be asked for."""
+    """Source of a scene's silhouettes, from which other frames can be read."""
 
     cameras: Cameras
     silhouettes: Silhouettes
     chosen: Int[np.ndarray, " frames"]
-    """Frames of the scene."""
+    """Frame numbers of the scene."""
 
 
 def simple_cause(scene: Scene, culprits: Culprits, material: Material) -> Cause | None:
-    """The fault without a size that explains most of the contradiction, if there is one that explains enough of it.
+    """The discrete fault that explains most of the contradiction; None if no fault explains enough of it.
+
+    Discrete faults have no continuous parameter: flips, quarter turns, inverted masks, whole frames, exchanged views.
 
     Args:
-        scene: With the contradiction.
-        culprits: Who they may be.
-        material: For silhouettes of other frames.
+        scene: Scene with the contradiction.
+        culprits: Views that may be at fault.
+        material: Source of silhouettes of other frames.
     """
     found = [cause for view in culprits.likely for cause in _of_one_view(scene, view, material)]
     found += _exchanged(scene, culprits)
@@ -59,19 +61,19 @@ def simple_cause(scene: Scene, culprits: Culprits, material: Material) -> Cause 
 
 
 def exchanged_views(scene: Scene, culprits: Culprits) -> Cause | None:
-    """Two views that have each other's images: of few views no rest agrees then."""
+    """Two views with exchanged images; with few views, the remaining ones do not agree without such a pair."""
     best = min(_exchanged(scene, culprits), key=lambda cause: cause.misfit, default=None)
     return best if best and best.misfit <= (1 - _MENDED) * culprits.before else None
 
 
 def moved_cause(scene: Scene, culprits: Culprits, steps: Sequence[int], most: float) -> Cause | None:
-    """The view whose images are moved, resized or rolled, if that explains enough of the contradiction.
+    """The view whose images are shifted, resized or rolled, if that explains enough of the contradiction.
 
     Args:
-        scene: With the contradiction.
-        culprits: One view, or several that are alike.
-        steps: Pixels along the edge of a reduced one, by view.
-        most: Misfit that may be left at most (half heights).
+        scene: Scene with the contradiction.
+        culprits: Views that may be at fault.
+        steps: For each view, the side length in image pixels of one reduced pixel.
+        most: Largest misfit that may remain (half heights).
     """
     best = None
     for view in culprits.likely if len(culprits.views) == 1 else ():
@@ -84,7 +86,7 @@ def moved_cause(scene: Scene, culprits: Culprits, steps: Sequence[int], most: fl
 
 
 def out_of_step(scene: Scene, view: int, material: Material, most: int = MOST_STEPS) -> Cause | None:
-    """The number of frames, up to a most, by which a view is too late or too early, if not zero fits best."""
+    """The time shift of a view, up to `most` frames, that fits best; None if no shift does."""
     length = len(material.silhouettes)
     if length < 3 or not scene.masks[:, view].any():
         return None
@@ -122,7 +124,7 @@ def _of_one_view(scene: Scene, view: int, material: Material) -> Iterator[Cause]
 
 
 def _exchanged(scene: Scene, culprits: Culprits) -> Iterator[Cause]:
-    """Two views that have each other's images."""
+    """The faults of exchanged images, one for each pair of suspects."""
     for a, b in combinations(sorted(culprits.suspects), 2):
         if (scene.cameras.size[a] == scene.cameras.size[b]).all():
             mended = scene.with_masks(a, scene.masks[:, b]).with_masks(b, scene.masks[:, a])
@@ -130,7 +132,7 @@ def _exchanged(scene: Scene, culprits: Culprits) -> Iterator[Cause]:
 
 
 def _is_kept(scene: Scene, view: int, masks: Masks, keeps_size: bool = True) -> bool:
-    """Whether the person is still there after a repair."""
+    """Whether the person is still visible after a repair."""
     before, after = (m.sum((1, 2)).astype(float) for m in (scene.masks[:, view], masks))
     if not keeps_size:
         pixels = scene.cameras.size[view].prod()

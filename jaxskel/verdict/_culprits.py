@@ -1,4 +1,4 @@
-"""Which views contradict all others: those without which the rest agrees."""
+"""Finds the views that contradict all others: without them the rest agrees."""
 
 from typing import NamedTuple
 
@@ -7,18 +7,18 @@ from jaxtyping import Float
 
 from ._scene import Scene
 
-# Half heights of the person, on average over all pixels. Of good recordings no view that is left out makes the misfit
-# smaller by more than half of this (the four real ones: 0.0005 to 0.0011; clean masks: 0.0002); a camera that is turned
-# by three degrees or three frames out of step by more than this (0.0025 and up).
+# Smallest decrease of the misfit (half heights of the person) for which views count as culprits. In good recordings,
+# leaving out any one view lowers the misfit by at most half of this (the four real ones: 0.0005 to 0.0011; clean masks:
+# 0.0002). A camera turned by three degrees, or three frames out of step, makes more than this (0.0025 and up).
 CLEAR = 0.002
-# What is left of the misfit without the culprit, at most: with it gone the rest agrees. Of dirty masks, in which all
-# views have holes, no view alone makes so large a difference (0.75 and up).
+# Largest share of the misfit that may remain without a single culprit. In dirty masks, where all views have holes,
+# leaving out any one view keeps 0.75 and more.
 _LEFT = 0.45
-# Of several culprits less is left: each view that is left out makes any misfit smaller, even of dirty masks.
+# The same for several culprits. It is smaller because each view left out lowers the misfit, even of dirty masks.
 _LEFT_BY_SEVERAL = 0.15
-# Another view that makes nearly as large a difference may be the culprit too.
+# Another view is also suspect if its effect comes this close, as a share of the largest effect.
 _NEARLY = 0.25
-# As many are given as possible culprits, most likely first.
+# Number of suspects that are reported, most likely first.
 _SUSPECTS = 4
 
 
@@ -26,29 +26,29 @@ class Culprits(NamedTuple):
     """Views that contradict the others."""
 
     views: tuple[int, ...]
-    """Without all of these the rest agrees; none, if there are no such views."""
+    """The rest agrees without all of these; empty if there are no such views."""
     suspects: tuple[int, ...]
-    """Views without which the misfit is smallest, in this order: a few even where `views` is empty."""
+    """Views in the order of the misfit without each, smallest first; a few even if `views` is empty."""
     alike: int
-    """As many of the suspects make nearly the same difference, so that nothing tells them apart."""
+    """Number of suspects with nearly the same effect, so that nothing tells them apart."""
     before: float
     """Misfit of all views (half heights)."""
     after: float
-    """Misfit of the rest (half heights)."""
+    """Misfit of the remaining views (half heights)."""
 
     @property
     def likely(self) -> tuple[int, ...]:
-        """The culprits, or those of which one is the culprit."""
+        """The culprits, or the suspects of whom one is the culprit."""
         return self.views if len(self.views) > 1 else self.suspects[: self.alike]
 
     @property
     def excess(self) -> float:
-        """Misfit that the culprits make (half heights)."""
+        """Misfit that the culprits add (half heights)."""
         return self.before - self.after
 
 
 def find_culprits(scene: Scene) -> Culprits:
-    """Leave views out, one after the other, until the rest agrees: more views must stay than go, and at least two."""
+    """Leave out views greedily until the rest agrees; more views stay than are left out, and at least two stay."""
     before, count = scene.misfit(), len(scene.cameras)
     gone: list[int] = []
     suspects: tuple[int, ...] = ()

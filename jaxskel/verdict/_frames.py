@@ -1,24 +1,24 @@
-"""Which frames of a recording tell most about its views."""
+"""Chooses the frames of a recording that tell most about its views."""
 
 import numpy as np
 from jaxtyping import Int
 
 from ..recording import Silhouettes, silhouette_areas
 
-# Frames that are looked at, to choose from.
+# Number of candidate frames that are examined.
 _CANDIDATES = 32
-# Of a long recording that shows somebody in fewer of those, all frames are looked at.
+# If fewer candidates than this show anybody, all frames of the recording are examined.
 _FEW = 3
-# Views may be out of step by so many frames: the ends of a long recording are left out.
+# Largest time shift of a view that is searched (frames); long recordings leave out this many frames at either end.
 MOST_STEPS = 12
 
 
 def telling_frames(silhouettes: Silhouettes, count: int) -> Int[np.ndarray, " some"]:
-    """Half of them evenly spread, half where most moves from frame to frame: there, clocks that differ show.
+    """Choose frames: half evenly spread, half where most moves between frames, which reveals clocks that differ.
 
     Args:
-        silhouettes: Of the recording.
-        count: As many at most.
+        silhouettes: Silhouettes of the recording.
+        count: Largest number of frames to choose.
 
     Returns:
         Numbers of frames in which at least two views show anything, in ascending order.
@@ -26,13 +26,13 @@ def telling_frames(silhouettes: Silhouettes, count: int) -> Int[np.ndarray, " so
     length = len(silhouettes)
     margin = MOST_STEPS if length > 4 * MOST_STEPS else 0
     found = _of_some(silhouettes, np.arange(margin, length - margin), count)
-    if len(found) < _FEW < length:  # mostly, nobody is there
+    if len(found) < _FEW < length:  # most frames show nobody
         found = _of_some(silhouettes, np.flatnonzero((silhouette_areas(silhouettes) > 0).sum(1) >= 2), count)
     return found
 
 
 def _of_some(silhouettes: Silhouettes, frames: Int[np.ndarray, " candidates"], count: int) -> Int[np.ndarray, " some"]:
-    """Telling frames among those given, of which some are looked at."""
+    """Telling frames among those given, of which only some are examined."""
     if len(frames) == 0:
         return frames
     candidates = frames[np.unique(np.linspace(0, len(frames) - 1, _CANDIDATES).round().astype(int))]

@@ -1,4 +1,4 @@
-"""The verdict where poses are about to be made: what nothing can come of is refused."""
+"""The check that runs before poses are computed: it refuses hopeless recordings."""
 
 from pathlib import Path
 
@@ -7,18 +7,18 @@ from ._judge import Severity, judge
 
 
 def doubts_before_work(source: Path, recording: Recording, anyway: bool = False) -> list[str]:
-    """Look at a few frames of a recording before any work.
+    """Judge a few frames of a recording before any work.
 
     Args:
-        source: The recording's path, for messages.
+        source: Path of the recording, for messages.
         recording: The recording.
-        anyway: Whether to go on where nothing can come of it.
+        anyway: Whether to go on with a hopeless recording.
 
     Returns:
-        What is doubtful, a line each.
+        Doubts, one line each.
 
     Raises:
-        ValueError: Nothing can come of it, in one line that says why.
+        ValueError: The recording is hopeless; one line says why.
     """
     findings = judge(recording).findings
     for finding in findings:

@@ -1,4 +1,4 @@
-"""The verdict on a recording before any pose: can something come of it, and if not, why?"""
+"""Judges a recording before any pose: whether it can work, and if not, why."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -15,23 +15,23 @@ from ._rig_causes import RigCause, rig_cause
 from ._scene import Scene, make_scene
 from ._views import reduce_views
 
-# Frames that are looked at.
+# Number of frames that are examined.
 _FRAMES = 8
-# Misfits (half heights). Below the first nothing is looked for. Above the second, with as many views forgiven as
-# carving forgives at its most tolerant, no hull is a person: dirty masks have up to 0.006, rigs with images turned or
-# mirrored, or of another calibration, 0.01 to 0.12.
+# Misfits (half heights). Below the first, no fault is searched. Above the second, with as many views forgiven as the
+# most tolerant carving forgives, no hull is a person: dirty masks reach 0.006; rigs with turned or mirrored images, or
+# with the calibration of another rig, 0.01 to 0.12.
 _QUIET, _HOPELESS = 0.002, 0.02
-# What no view and no fault of the whole rig explains is told above this (half heights). The poorest masks of the real
-# recordings have 0.003; six cameras that are all off by three degrees 0.004, with the calibration of another day 0.007.
+# An unexplained misfit above this is reported (half heights). The poorest masks of the real recordings reach 0.003; six
+# cameras that are all off by three degrees 0.004; the calibration of another day 0.007.
 _POOR = 0.004
-# A repair without a size is believed unless one with a size leaves less of the contradiction by this share.
+# A discrete fault is preferred unless a continuous one lowers the remaining misfit by this share of the excess.
 _SIMPLER = 0.05
-# A fault of the whole rig does not leave so many views that agree; of five mirrored ones, four do.
+# From this many remaining views on, no fault of the whole rig is searched. Of five mirrored views, four still agree.
 _MANY = 6
-# Where others change by less than this share of a silhouette between the frames looked at, one may well not change.
+# A view counts as frozen only if the others change by at least this share of a silhouette between the frames.
 _MOVING = 0.05
-# A view that is out of step by a few frames, of a person who hardly moves: the share of the misfit that goes with the
-# right step, how large the misfit (half heights) must be to ask, and the most steps that are tried.
+# A view that is a few frames out of step while the person hardly moves: the share of the misfit that the right shift
+# must remove, the smallest misfit and improvement (half heights), and the largest shift tried (frames).
 _STEPPED, _LEAST_STEPPED, _FEW_STEPS = 0.5, 0.0004, 4
 
 
@@ -41,49 +41,49 @@ class Severity(IntEnum):
     DOUBT = 1
     """Poses may suffer."""
     HOPELESS = 2
-    """Nothing can come of it."""
+    """No poses can come of the recording."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """Something that is wrong with a recording."""
+    """One fault of a recording."""
 
     severity: Severity
     views: tuple[str, ...]
-    """The guilty views; empty where it is all of them, or none in particular."""
+    """The views at fault; empty if it is all of them, or none in particular."""
     told: str
-    """A sentence: what, the likely cause, how to mend it."""
+    """A sentence: the fault, its likely cause and how to mend it."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is wrong with a recording, worst first, and the figures that tell."""
+    """The faults of a recording, worst first, and the figures behind them."""
 
     findings: tuple[Finding, ...]
     misfit: Float[np.ndarray, " cams"] | None
-    """By how much each view contradicts the others: the mean over its silhouettes, at the person's depth (m)."""
+    """How much each view contradicts the others: mean over its silhouettes, at the person's depth (m)."""
     figures: Plausibility | None
     frames: int
-    """Frames that were looked at."""
+    """Number of frames examined."""
 
     @property
     def is_hopeless(self) -> bool:
-        """Whether nothing can come of it."""
+        """Whether no poses can come of the recording."""
         return any(finding.severity is Severity.HOPELESS for finding in self.findings)
 
 
 def judge(recording: Recording, thorough: bool = False) -> Verdict:
-    """Look whether the views of a recording agree, and whether what they agree on is a person in a room.
+    """Judge whether the views of a recording agree, and whether they show a person in a room.
 
-    Some frames are looked at. Unlike carving, nothing is tolerated here: one view that errs is found.
+    Only some frames are examined. Unlike carving, this tolerates no error: a single wrong view is found.
 
     Args:
         recording: The recording.
-        thorough: Whether to look for clocks that are a frame or two apart too, which takes some seconds.
+        thorough: Whether to search for clocks that are only a few frames apart too, which takes some seconds.
     """
     chosen = telling_frames(recording.silhouettes, _FRAMES)
     if len(chosen) == 0:
-        return Verdict((), None, None, 0)  # each frame's status will say so
+        return Verdict((), None, None, 0)  # the status of each frame will say so
     cameras, masks, steps = reduce_views(recording.cameras, np.asarray(recording.silhouettes[chosen]))
     shown = masks.any((2, 3))
     if (shown.sum(1) < 2).all():
@@ -117,8 +117,8 @@ def _contradictions(scene: Scene, material: Material, steps: list[int], names: t
     if culprits.views:
         cause = simple_cause(scene, culprits, material)
         explained = culprits.before if cause is None else cause.misfit
-        # A fault without a size is preferred to one with, which fits better by chance; and where few views are left,
-        # they may agree although the same is wrong with all of them.
+        # Prefer a discrete fault, because a continuous one fits better by chance. If few views remain, they may agree
+        # although all of them have the same fault.
         enough = culprits.after + _SIMPLER * culprits.excess
         few = len(culprits.views) > 1 or len(names) - 1 < _MANY
         whole = rig_cause(scene) if explained > enough and few else None
@@ -175,12 +175,12 @@ def _of_views(scene: Scene, culprits: Culprits, cause: Cause | None, names: tupl
 
 
 def _millimetres(scene: Scene, misfit: float) -> float:
-    """A misfit (half heights) at the person's depth."""
+    """A misfit (half heights) in millimetres at the person's depth."""
     return 1e3 * misfit * float(np.nanmedian(scene.samples.half))
 
 
 def _frozen(masks: Bool[np.ndarray, "frames cams rows columns"], names: tuple[str, ...]) -> list[Finding]:
-    """Views whose film stands still while the others go on."""
+    """Views whose images stand still while the others change."""
     area = np.maximum(masks.sum((0, 2, 3)), 1)
     changed = (masks != masks[:1]).sum((0, 2, 3)) / area
     still = [c for c in range(len(names)) if masks[:, c].any() and changed[c] == 0]

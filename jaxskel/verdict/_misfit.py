@@ -1,13 +1,13 @@
-"""Do the silhouettes of a frame contradict each other, and by how much?
+"""Misfit: how much the silhouettes of a frame contradict each other.
 
-Every pixel of a silhouette is the image of a point of the body, and all other views that see this point show it on
-their silhouettes too. So along the ray of the pixel some point must lie on, or near, all other silhouettes. The misfit
-of a pixel is the least distance by which the points of its ray miss the others: zero for true cameras and masks.
-Distances are relative to the size of the person in the images, so that the unit of the calibration does not matter.
-They are cut off, so that a blob or a hole in a mask counts no more than its area.
+Every pixel of a silhouette is the image of a point of the body, and all other views that see this point show it inside
+their silhouettes too. So some point of the pixel's ray must lie in, or near, all other silhouettes. The misfit of a
+pixel is the least distance by which the points of its ray miss the others: zero for exact cameras and masks. Distances
+are relative to the person's size in the images, so that the unit of the calibration does not matter. They are cut off,
+so that a blob or a hole in a mask counts no more than its area.
 
 After C. Hernandez, F. Schmitt, R. Cipolla: Silhouette Coherence for Camera Calibration under Circular Motion,
-PAMI 2007. Unlike carving, the misfit tolerates no view that errs unless it is asked to.
+PAMI 2007. Unlike carving, the misfit tolerates no wrong view unless asked to.
 """
 
 from collections.abc import Sequence
@@ -23,27 +23,27 @@ from ._views import Sight
 
 MOST_MISFIT = 0.12
 """Misfits are cut off here, in half heights of the person: about 10 cm."""
-# A point counts where no more views than this rule it out, beyond those that may err, and two do not: of all others no
-# ray can be explained, even without two suspects.
+# A point is kept if at most this many views rule it out, beyond those that may err, and two do not. No other point can
+# explain a ray, even when two suspects are left out.
 _SPARE = 2
 
 
 class Outside(NamedTuple):
-    """What a silhouette says of points around the person."""
+    """How one silhouette relates to points around the person."""
 
     distance: Float[np.ndarray, " points"]
-    """Distance from the silhouette, in half heights of the person; zero on it, and where the view says nothing."""
+    """Distance from the silhouette, in half heights of the person; zero inside it, and where the view sees nothing."""
     seen: Bool[np.ndarray, " points"]
     cell: Int[np.ndarray, " points"]
-    """Cell of the image that the point falls into; the last one where it is not seen."""
+    """Index of the image cell that the point falls into; the last cell if the point is not seen."""
     area: Float[np.ndarray, " cells"]
-    """Pixels of the silhouette in each cell; none in the last one."""
+    """Silhouette pixels in each cell; zero in the last one."""
 
 
 def outside(
     mask: Bool[np.ndarray, "rows columns"], sight: Sight, frame: int, chosen: slice | Int[np.ndarray, " points"]
 ) -> Outside:
-    """What one silhouette says of the chosen points; nothing, if it shows nobody."""
+    """Relate one silhouette to the chosen points; no point is seen if the silhouette is empty."""
     rows, columns = mask.shape
     side = int(sight.side[frame])
     down, across = -(-rows // side), -(-columns // side)
@@ -58,7 +58,7 @@ def outside(
 
 
 class FrameEvidence(eqx.Module):
-    """What all views of one frame say of the points that can explain a silhouette."""
+    """How all views of one frame relate to the points that can explain a silhouette."""
 
     distance: Float[np.ndarray, "cams near"]
     """See `Outside`."""
@@ -66,17 +66,17 @@ class FrameEvidence(eqx.Module):
     cell: Int[np.ndarray, "cams near"]
     area: tuple[Float[np.ndarray, " _"], ...]
     judged: tuple[Bool[np.ndarray, " _"], ...]
-    """Cells of each view of which a point is seen by enough other views."""
+    """For each view, the cells with a point that enough other views see."""
     near: Int[np.ndarray, " near"]
-    """Which points these are."""
+    """Indices of these points."""
 
 
 def frame_evidence(views: Sequence[Outside], misses: int = 0) -> FrameEvidence:
-    """Bring the views of one frame together.
+    """Combine the views of one frame.
 
     Args:
-        views: What each of them says of all points.
-        misses: As many views as may err in `frame_misfits`.
+        views: For each view, how its silhouette relates to all points.
+        misses: Number of views that may err in `frame_misfits`.
     """
     distance = np.stack([view.distance for view in views])
     seen = np.stack([view.seen for view in views])
@@ -94,7 +94,7 @@ def frame_evidence(views: Sequence[Outside], misses: int = 0) -> FrameEvidence:
 
 
 def with_view(evidence: FrameEvidence, index: int, view: Outside) -> FrameEvidence:
-    """The same evidence with another silhouette in one view, of which is told what it says of the near points."""
+    """The same evidence with another silhouette in one view; `view` covers only the near points."""
     distance, seen = evidence.distance.copy(), evidence.seen.copy()
     distance[index], seen[index] = view.distance, view.seen
     area = (*evidence.area[:index], view.area, *evidence.area[index + 1 :])
@@ -104,22 +104,22 @@ def with_view(evidence: FrameEvidence, index: int, view: Outside) -> FrameEviden
 def frame_misfits(
     evidence: FrameEvidence, chosen: Bool[np.ndarray, " cams"], misses: int = 0
 ) -> Float[np.ndarray, " cams"]:
-    """By how much the silhouette of each view contradicts the others: the mean over its pixels.
+    """How much the silhouette of each view contradicts the others: the mean over its pixels.
 
     Args:
-        evidence: Of one frame.
+        evidence: Evidence of one frame.
         chosen: Views that count.
-        misses: As many of the other views may err at any point.
+        misses: Number of other views that may err at any point.
 
     Returns:
-        Misfits in half heights of the person, 0 to `MOST_MISFIT`; NaN where a view is not chosen, shows nobody, or
-        shows only what the others do not see.
+        Misfits in half heights of the person, 0 to `MOST_MISFIT`; NaN if a view is not chosen, shows nobody, or shows
+        only what the others do not see.
     """
     found = np.full(len(chosen), np.nan)
     views = [c for c in np.flatnonzero(chosen) if evidence.area[c].any()]
     if len(views) < 2:
         return found
-    # The largest distance among the others is the largest of all but for the view that has it, and so on for misses.
+    # The maximum over the others is the overall maximum, or the second for the view that has it; shifted by `misses`.
     last = min(misses, len(views) - 2)
     highest = -np.partition(-evidence.distance[views], (last, last + 1), axis=0)[[last, last + 1]]
     for c in views:

@@ -1,4 +1,4 @@
-"""Is what the silhouettes agree on a person in a room: its size, its upright, the cameras' distances?"""
+"""Is what the silhouettes show a person in a room? Checks its size, the up axis and the cameras' distances."""
 
 from typing import NamedTuple
 
@@ -11,32 +11,33 @@ from ..recording import UP_AXES
 from ._scene import Scene
 from ._views import POINTS
 
-# Litres of a hull, and half of its largest extent (m). A child of three years has 14 litres, and 0.25 m when it
-# crouches; hulls are a fifth fatter than bodies. Small volumes alone say nothing: holes in masks make tunnels.
+# Litres of a hull, and half of its largest extent (m). A three-year-old child has 14 litres, and 0.25 m when
+# crouching; hulls are a fifth larger than bodies. A small volume alone proves nothing: holes in masks cut tunnels.
 _LEAST_VOLUME, _LEAST_HALF = 8.0, 0.3
-# A heavy man's hull by three cameras has 300 litres, and four people who stood together made 880 in one piece. Large
-# extents alone say nothing: people stand far apart.
+# The hull of a heavy man from three cameras has 300 litres; four people standing together made one piece of 880. A
+# large extent alone proves nothing: people may stand far apart.
 _MOST_VOLUME, _LARGE_VOLUME, _MOST_HALF = 1500.0, 600.0, 2.6
-# Units that a calibration may have been meant in, by metres of one of them.
+# Units that a calibration may have used by mistake, in metres.
 _UNITS = {"millimetres": 0.001, "centimetres": 0.01, "inches": 0.0254, "feet": 0.3048, "decimetres": 0.1}
 _USUAL_HALF = 0.8
-# How well cameras agree in their upright before they are listened to, and how far from `up` it points (cosine).
+# How well the cameras must agree on the upright to be used (length of the mean), and the least cosine between that
+# upright and `up`.
 _AGREED, _SAME = 0.6, 0.5
 
 
 class Plausibility(NamedTuple):
-    """Figures of what the silhouettes agree on."""
+    """Measurements of what the silhouettes show."""
 
     half: float
     """Half of the person's largest extent (m)."""
     litres: float
-    """Volume of the largest connected part of the hull, median over the frames."""
+    """Volume of the largest connected part of the hull (litres), median over the frames."""
     distances: Float[np.ndarray, " cams"]
-    """From each camera to the middle of the person, median over the frames (m)."""
+    """Distance from each camera to the middle of the person, median over the frames (m)."""
 
 
 def plausibility(scene: Scene) -> Plausibility:
-    """Measure what the silhouettes agree on."""
+    """Measure what the silhouettes show."""
     samples = scene.samples
     litres = []
     for f, frame in enumerate(scene.frames):
@@ -51,7 +52,7 @@ def plausibility(scene: Scene) -> Plausibility:
 
 
 def wrong_unit(found: Plausibility) -> str | None:
-    """What tells that lengths are not metres."""
+    """Message if lengths seem not to be metres; None otherwise."""
     small = found.half < _LEAST_HALF and found.litres < _LEAST_VOLUME
     large = found.litres > _MOST_VOLUME or (found.half > _MOST_HALF and found.litres > _LARGE_VOLUME)
     if not (small or large):
@@ -61,7 +62,7 @@ def wrong_unit(found: Plausibility) -> str | None:
         f"{found.distances.min():.2g} to {found.distances.max():.2g} m: lengths of the calibration are not metres"
     )
     ratio = found.half / _USUAL_HALF
-    # Metres that were divided by a thousand are as wrong as millimetres that were not.
+    # Metres divided by a thousand are as wrong as millimetres left as they are.
     factors = {f"{name} taken for metres": each for name, each in _UNITS.items()}
     factors |= {f"metres taken for {name}": 1 / each for name, each in _UNITS.items()}
     name, factor = min(factors.items(), key=lambda item: abs(np.log(ratio * item[1])))
@@ -71,9 +72,9 @@ def wrong_unit(found: Plausibility) -> str | None:
 
 
 def wrong_up(scene: Scene, up: str, turns: Int[np.ndarray, " cams"] | None) -> str | None:
-    """What the cameras' own upright says against the world's up axis.
+    """Message if the cameras' own upright contradicts the world's up axis; None otherwise.
 
-    Where images were turned, cameras may stand upright in them as they are or as they were: one is enough.
+    If images were turned, the cameras may be upright with or without that turn: one of the two suffices.
     """
     means = [upright(scene.cameras), upright(scene.cameras, turns)]
     agreed = [mean / np.linalg.norm(mean) for mean in means if np.linalg.norm(mean) >= _AGREED]

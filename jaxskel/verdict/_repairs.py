@@ -1,4 +1,4 @@
-"""What may be wrong with the images of a view, each as the change to its silhouettes that would mend it."""
+"""Faults that a view's images may have, each as the change to its silhouettes that would mend it."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -9,7 +9,7 @@ from jaxtyping import Bool
 
 Masks = Bool[np.ndarray, "frames rows columns"]
 
-# Images whose scale is off by less than this are taken for moved ones: a hull of few views is larger than the body.
+# A scale that is off by less than this is ignored, and only the shift reported: hulls of few views exceed the body.
 _RESIZED = 0.07
 
 
@@ -17,12 +17,12 @@ class ImageRepair(Protocol):
     """A change to the silhouettes of a view."""
 
     def apply(self, masks: Masks) -> Masks:
-        """The silhouettes as they would be if the fault were mended; of the same size."""
+        """Return the silhouettes as they would be without the fault, at the same size."""
         ...
 
     @property
     def told(self) -> str:
-        """The fault, as a predicate of the view: 'is mirrored'."""
+        """The fault, as a predicate whose subject is the view: 'is mirrored'."""
         ...
 
     @property
@@ -33,7 +33,7 @@ class ImageRepair(Protocol):
 
 @dataclass(frozen=True)
 class HalfTurn:
-    """Images that stand on their heads."""
+    """Images that are upside down."""
 
     told = "is turned by 180 degrees (turn = 180 in recording.toml says so)"
     keeps_size = True
@@ -45,7 +45,7 @@ class HalfTurn:
 
 @dataclass(frozen=True)
 class Mirrored:
-    """Images whose left is right: no turn of a camera makes them so."""
+    """Images with left and right exchanged, which no rotation of a camera can produce."""
 
     told = "is mirrored left to right (flip its images)"
     keeps_size = True
@@ -57,7 +57,7 @@ class Mirrored:
 
 @dataclass(frozen=True)
 class Flipped:
-    """Images whose top is at the bottom, left and right as they are: of some image formats."""
+    """Images with top and bottom exchanged but not left and right, as some image formats store them."""
 
     told = "is flipped top to bottom (flip its images)"
     keeps_size = True
@@ -72,7 +72,7 @@ class QuarterTurn:
     """Images that lie on their side, cut or padded to the size of upright ones."""
 
     quarters: int
-    """Turns by 90 degrees counterclockwise that mend it."""
+    """Number of counterclockwise turns by 90 degrees that mend it."""
     keeps_size: bool = False
 
     @property
@@ -99,28 +99,28 @@ class Inverted:
     keeps_size = False
 
     def apply(self, masks: Masks) -> Masks:
-        """Exchange person and background."""
+        """Swap person and background."""
         return ~masks
 
 
 @dataclass(frozen=True)
 class Similarity:
-    """Images that are moved, resized or rolled against the calibration."""
+    """Images that are shifted, resized or rolled relative to the calibration."""
 
     scale: float
-    """Size of the image relative to what the calibration is for; about the middle of the image."""
+    """Size of the image relative to the calibrated one, about the middle of the image."""
     right: float
     down: float
-    """By how much the image lies right of and below its place (px)."""
+    """How far the image lies to the right of and below its place (reduced px)."""
     roll: float = 0.0
-    """Turn of the image about its middle (rad)."""
+    """Rotation of the image about its middle (rad)."""
 
     def told(self, step: int, focal: float) -> str:
-        """The fault.
+        """The fault in words.
 
         Args:
-            step: Pixels of the camera's image along the edge of one of these.
-            focal: Focal length of the camera in these pixels (px).
+            step: Side length in image pixels of one reduced pixel.
+            focal: Focal length of the camera (reduced px).
         """
         if abs(self.scale - 1) > _RESIZED:
             return (
@@ -135,11 +135,11 @@ class Similarity:
         )
 
     def apply(self, masks: Masks) -> Masks:
-        """Bring them to where the calibration has them."""
+        """Move them to where the calibration expects them."""
         rows, columns = masks.shape[1:]
         middle = np.array([columns - 1, rows - 1]) / 2
         cosine, sine = np.cos(self.roll) * self.scale, np.sin(self.roll) * self.scale
-        # From the place in the calibrated image to that in the one that is there, as OpenCV wants it.
+        # OpenCV wants the map from the calibrated image to the actual one.
         linear = np.array([[cosine, -sine], [sine, cosine]])
         matrix = np.column_stack([linear, middle - linear @ middle + [self.right, self.down]])
         flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
@@ -149,4 +149,4 @@ class Similarity:
 DISCRETE: tuple[ImageRepair, ...] = (
     HalfTurn(), Mirrored(), Flipped(), QuarterTurn(1), QuarterTurn(3), Inverted(),
 )  # fmt: skip
-"""Faults without a number to find."""
+"""Faults without a continuous parameter."""

@@ -1,4 +1,4 @@
-"""What is wrong with all views at once: the repair of the whole rig that makes silhouettes agree."""
+"""Faults of all views at once: tests which repair of the whole rig makes the silhouettes agree."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -13,11 +13,11 @@ from ._scene import Scene, make_scene
 
 Views = Bool[np.ndarray, "frames cams rows columns"]
 
-# Of several frames so many are tried: each repair looks at the whole rig anew.
+# Number of frames tried: each repair evaluates the whole rig anew.
 _FRAMES = 4
-# The whole is explained where no more than this share of the misfit is left.
+# A repair explains the contradiction if at most this share of the misfit remains.
 _LEFT = 0.35
-# Sizes of images relative to those that were calibrated, as cameras and people choose them.
+# Ratios of image size to calibrated size that cameras and people commonly choose.
 _SCALES = (1 / 3, 0.4, 0.5, 0.6, 2 / 3, 0.75, 0.8, 5 / 4, 4 / 3, 1.5, 5 / 3, 2.0, 2.5, 3.0)
 
 
@@ -26,11 +26,11 @@ class RigCause(NamedTuple):
 
     told: str
     misfit: float
-    """What it would be if the fault were mended (half heights)."""
+    """Misfit that remains once the fault is mended (half heights)."""
 
 
 def rig_cause(scene: Scene) -> RigCause | None:
-    """The fault of the whole rig that explains most of the contradiction, if there is one that explains enough."""
+    """The fault of the whole rig that explains most of the contradiction; None if no fault explains enough of it."""
     chosen = np.unique(np.linspace(0, len(scene.masks) - 1, _FRAMES).round().astype(int))
     cameras, masks = scene.cameras, scene.masks[chosen]
     before = make_scene(cameras, masks).misfit()
@@ -38,9 +38,9 @@ def rig_cause(scene: Scene) -> RigCause | None:
     for told, change in _repairs(cameras):
         others, mended = change(cameras, masks)
         if mended.any((2, 3)).sum() != masks.any((2, 3)).sum():
-            continue  # nobody is left in some view, which contradicts nothing
+            continue  # the person left some view, whose misfit then vanishes
         found = make_scene(others, mended)
-        # A view that no longer sees the others' person says nothing: that is no repair.
+        # Where a view no longer sees the person of the others, its misfit is undefined: that is no repair.
         if np.isfinite(found.by_view()).all() and (misfit := found.misfit()) < best.misfit:
             best = RigCause(told, misfit)
     return best if best.told else None
@@ -84,7 +84,7 @@ def _each(cameras: Cameras, masks: Views, change: Callable[[Masks], Masks]) -> V
 
 
 def _from_corner(scale: float, cameras: Cameras) -> Similarity:
-    """Images that are resized and lie at the first pixel of the calibrated ones."""
+    """Images that are resized, with their first pixel at that of the calibrated ones."""
     width, height = cameras.size[0]
     return Similarity(scale, (scale - 1) * (width - 1) / 2, (scale - 1) * (height - 1) / 2)
 

@@ -1,4 +1,4 @@
-"""Some frames of a recording, ready to be asked how well the views agree: as they are, or with some of them changed."""
+"""A scene: some frames of a recording, prepared to measure how well the views agree, also with some views changed."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from ..hull import most_misses
 from ._misfit import FrameEvidence, frame_evidence, frame_misfits, outside, with_view
 from ._views import Samples, Sight, samples_around, sights_of
 
-# Share of the frames that count: in the others a mask may be of somebody else, as in one of eight of the real child's.
+# Share of the frames that count, best first: other frames may show somebody else, as 1 of 8 of the real child's does.
 _KEPT = 0.75
 
 
@@ -24,7 +24,7 @@ class Scene(eqx.Module):
     sights: tuple[Sight, ...]
     frames: tuple[FrameEvidence, ...]
     misses: int
-    """As many views of a frame may err where carving is at its most tolerant."""
+    """Number of views of a frame that the most tolerant carving lets err."""
 
     @property
     def every(self) -> Bool[np.ndarray, " cams"]:
@@ -38,16 +38,16 @@ class Scene(eqx.Module):
         return chosen
 
     def by_view(self) -> Float[np.ndarray, " cams"]:
-        """Median misfit of each view over the frames (half heights); NaN where it says nothing."""
+        """Median misfit of each view over the frames (half heights); NaN if no frame gives one."""
         found = np.stack([frame_misfits(frame, self.every) for frame in self.frames])
         return np.array([np.median(each[np.isfinite(each)]) if np.isfinite(each).any() else np.nan for each in found.T])
 
     def misfit(self, chosen: Bool[np.ndarray, " cams"] | None = None, misses: int = 0) -> float:
-        """Mean misfit of the views that say anything, but for the worst frames (half heights); zero where none does.
+        """Mean misfit over the views and the best frames (half heights); zero if no frame gives one.
 
         Args:
             chosen: Views that count; all of them by default.
-            misses: As many views may err at any point.
+            misses: Number of views that may err at any point.
         """
         each = self.every if chosen is None else chosen
         found = np.stack([frame_misfits(frame, each, misses) for frame in self.frames])
@@ -57,7 +57,7 @@ class Scene(eqx.Module):
         return float(np.sort(frames)[:kept].mean()) if kept else 0.0
 
     def at(self, frames: Int[np.ndarray, " some"]) -> "Scene":
-        """Some of the frames."""
+        """The scene with only some of its frames."""
         samples = self.samples
         samples = Samples(samples.middle[frames], samples.half[frames], samples.points)
         sights = tuple(Sight(s.pixel[frames], s.breadth[frames], s.side[frames]) for s in self.sights)
@@ -65,7 +65,7 @@ class Scene(eqx.Module):
         return replace(self, masks=self.masks[frames], samples=samples, sights=sights, frames=chosen)
 
     def with_masks(self, index: int, masks: Bool[np.ndarray, "frames rows columns"]) -> "Scene":
-        """The same scene with other silhouettes in one view; the person is looked for at the same place."""
+        """The scene with other silhouettes in one view; the sampled points stay the same."""
         every = self.masks.copy()
         every[:, index] = masks
         frames = tuple(
@@ -76,7 +76,7 @@ class Scene(eqx.Module):
 
 
 def make_scene(cameras: Cameras, masks: Bool[np.ndarray, "frames cams rows columns"]) -> Scene:
-    """Look at silhouettes of some frames, which are as large as the cameras say or padded at the right and bottom."""
+    """Make a scene of masks, which are as large as the cameras' images or padded at the right and bottom."""
     samples = samples_around(cameras, masks)
     sights = sights_of(cameras, masks.shape[3], samples)
     misses = most_misses(len(cameras))

@@ -1,4 +1,4 @@
-"""By how much a view's images are moved, resized and rolled against what the other views say."""
+"""Fits how far a view's images are shifted, resized and rolled relative to the other views."""
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -9,21 +9,22 @@ from ._scene import Scene
 # First steps of the search: scale, right and down (px), roll (rad). Each is halved three times.
 _STEPS = (0.04, 8.0, 8.0, 0.07)
 _HALVINGS = 3
-# The search ends where this share of the contradiction is left: nobody asks for the last pixel.
+# The search ends once this share of the contradiction remains: a finding needs no subpixel accuracy.
 _ENOUGH = 0.01
-# Of several frames so many are tried.
+# Number of frames that are used.
 _FRAMES = 4
 
 
 def fit_similarity(scene: Scene, view: int, without: float) -> Similarity:
-    """The similarity that makes a view agree best with the others.
+    """The similarity transform that makes a view agree best with the others.
 
-    It starts from the boxes around the silhouettes and around the hull of the other views, and goes on by trying steps.
+    The search starts from the boxes around the silhouettes and around the hull of the other views, and goes on by
+    coordinate steps.
 
     Args:
-        scene: With the contradiction.
-        view: The view.
-        without: Misfit of the others alone (half heights).
+        scene: Scene with the contradiction.
+        view: Index of the view.
+        without: Misfit of the other views alone (half heights).
     """
     scene = scene.at(np.unique(np.linspace(0, len(scene.masks) - 1, _FRAMES).round().astype(int)))
     masks = scene.masks[:, view]
@@ -53,7 +54,7 @@ def fit_similarity(scene: Scene, view: int, without: float) -> Similarity:
 
 
 def _first_guess(scene: Scene, view: int) -> tuple[float, tuple[float, float], tuple[float, float]]:
-    """Scale, and right and down (px) without and with that scale."""
+    """Scale, and the shifts right and down (px), each without and with that scale."""
     rows, columns = scene.masks.shape[2:]
     actual, expected = [], []
     for f, frame in enumerate(scene.frames):
@@ -80,7 +81,7 @@ def _first_guess(scene: Scene, view: int) -> tuple[float, tuple[float, float], t
 
 
 def _box(mask: Bool[np.ndarray, "rows columns"]) -> Float[np.ndarray, "4"]:
-    """Left, top, right and bottom of nearly all of a silhouette (px): a speck does not count."""
+    """Left, top, right and bottom of a silhouette (px), without the outermost 2 % of pixels: specks do not count."""
     row, column = np.nonzero(mask)
     left, right = np.percentile(column, (2, 98))
     top, bottom = np.percentile(row, (2, 98))

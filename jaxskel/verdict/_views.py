@@ -1,4 +1,4 @@
-"""Silhouettes and cameras at a reduced size, and where points around the person fall into them."""
+"""Silhouettes and cameras at a reduced size, and the projections of points around the person into them."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -14,32 +14,32 @@ from ..recording import find_empty_views, pack_silhouettes, person_boxes, silhou
 
 # Points along an edge of the cube around the person. 64 give the same misfits on the real recordings, to a tenth.
 POINTS = 48
-# The cube reaches this far from the middle, in half heights of the person: an arm stretched out lies within.
+# The cube extends this far from the middle, in half heights of the person, so that it contains an outstretched arm.
 _REACH = 1.5
-# Silhouettes are reduced until no side is longer (px): a person is still about a hundred pixels tall.
+# Silhouettes are reduced until no side is longer (px): a person is then still about a hundred pixels tall.
 _LONGEST_SIDE = 320
 
 
 class ReducedViews(NamedTuple):
-    """Some frames of a recording, small enough to be looked at often."""
+    """Some frames of a recording, small enough to be evaluated often."""
 
     cameras: Cameras
     """With intrinsics for the reduced images."""
     masks: Bool[np.ndarray, "frames cams rows columns"]
-    """A pixel is person where most of it is; black where a view shows nobody."""
+    """True where most of a reduced pixel is person; all False if a view shows nobody."""
     steps: Int[np.ndarray, " cams"]
-    """Pixels of each camera's image along the edge of a reduced one."""
+    """Side length in image pixels of one reduced pixel."""
 
 
 class Samples(NamedTuple):
     """A cube of points around the person of each frame."""
 
     middle: Float[np.ndarray, "frames 3"]
-    """Middle of the person (m)."""
+    """Middle of the person in world coordinates (m)."""
     half: Float[np.ndarray, " frames"]
-    """Half height: half of the person's largest extent in the images, at the middle's depth (m); NaN without one."""
+    """Half height: half of the person's largest extent in the images, at the middle's depth (m); NaN if not seen."""
     points: Float[np.ndarray, "points 3"]
-    """Relative to the middle, in half heights; the last axis fastest, `POINTS` along each."""
+    """Offsets from the middle, in half heights; the last axis varies fastest, `POINTS` along each."""
 
     @property
     def spacing(self) -> Float[np.ndarray, " frames"]:
@@ -48,10 +48,10 @@ class Samples(NamedTuple):
 
 
 class Sight(eqx.Module):
-    """Where one camera sees the points."""
+    """Where one camera sees the sample points."""
 
     pixel: Int[np.ndarray, "frames points"]
-    """Row times columns plus column of the reduced image; -1 where the camera does not see the point."""
+    """Flat index (row times columns plus column) into the reduced image; -1 if the camera does not see the point."""
     breadth: Float[np.ndarray, "frames points"]
     """Width of a reduced pixel at the point's depth, in half heights of the person."""
     side: Int[np.ndarray, " frames"]
@@ -59,7 +59,7 @@ class Sight(eqx.Module):
 
 
 def reduce_views(cameras: Cameras, silhouettes: UInt8[np.ndarray, "frames cams h w8"]) -> ReducedViews:
-    """Reduce silhouettes and cameras alike."""
+    """Reduce silhouettes and cameras by the same factors."""
     steps, sizes = _steps_and_sizes(cameras)
     columns, rows = sizes.max(0)
     masks = np.zeros((*silhouettes.shape[:2], rows, columns), bool)
@@ -75,7 +75,7 @@ def reduce_views(cameras: Cameras, silhouettes: UInt8[np.ndarray, "frames cams h
 def reduced_silhouettes(
     cameras: Cameras, index: int, silhouettes: UInt8[np.ndarray, "frames h w8"]
 ) -> Bool[np.ndarray, "frames rows columns"]:
-    """The silhouettes of one camera at the size that `reduce_views` gives them, padded to the largest of all."""
+    """Silhouettes of one camera, reduced as `reduce_views` does and padded to the largest reduced image."""
     steps, sizes = _steps_and_sizes(cameras)
     (width, height), (across, down), step = cameras.size[index].tolist(), sizes[index].tolist(), int(steps[index])
     found = np.zeros((len(silhouettes), *sizes.max(0)[::-1]), bool)
@@ -92,7 +92,7 @@ def _steps_and_sizes(cameras: Cameras) -> tuple[Int[np.ndarray, " cams"], Int[np
 
 
 def samples_around(cameras: Cameras, masks: Bool[np.ndarray, "frames cams rows columns"]) -> Samples:
-    """A cube of points around each person, as large as the silhouettes say, whatever the unit of the calibration is."""
+    """A cube of points around each person, sized by the silhouettes and so independent of the calibration's unit."""
     packed = pack_silhouettes(masks)
     there = np.asarray(masks.any((2, 3)))
     middle = body_middles(cameras, packed, ~there)
@@ -113,7 +113,7 @@ def samples_around(cameras: Cameras, masks: Bool[np.ndarray, "frames cams rows c
 
 
 def sights_of(cameras: Cameras, columns: int, samples: Samples) -> list[Sight]:
-    """Where each camera sees the points, in images that are stored with so many columns."""
+    """Where each camera sees the points, in images stored with the given number of columns."""
     shape = len(samples.half), len(samples.points)
     found = [
         Sight(np.full(shape, -1, np.int32), np.zeros(shape, np.float32), np.ones(shape[0], int)) for _ in cameras.names
@@ -132,6 +132,6 @@ def sights_of(cameras: Cameras, columns: int, samples: Samples) -> list[Sight]:
             sight.pixel[f, inside] = row * columns + column
             breadth = depth[c, inside] / focal[c]
             sight.breadth[f, inside] = breadth / samples.half[f]
-            # Points are farthest apart along the diagonals of their cubes.
+            # Neighbouring points are farthest apart along the diagonals of their cubes.
             sight.side[f] = max(1, np.ceil(np.sqrt(3) * samples.spacing[f] / np.median(breadth)))
     return found

@@ -1,7 +1,7 @@
-"""Pictures: silhouettes, hulls and skeletons drawn over images.
+"""Drawing: silhouettes, hulls and skeletons over images.
 
-In: a recording and what was found. Out: images. `figures` and `plots` need Matplotlib and are imported by themselves;
-`report` and `viewer` are rooms of their own.
+In: a recording and its results. Out: images. `figures` and `plots` need Matplotlib and must be imported explicitly;
+`report` and `viewer` are subpackages.
 """
 
 from ._overlays import LEFT as LEFT

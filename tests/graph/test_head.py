@@ -8,7 +8,7 @@ from scipy import ndimage
 from support.phantoms import chain
 from support.recordings import graph_settings
 
-from jaxskel import Pose, default_adult, reconstruct
+from jaxskel import GraphSettings, Pose, default_adult, reconstruct
 from jaxskel.graph import HeadBall, HighestVoxel, RootFinder
 from jaxskel.graph._root_finders import deep_voxels
 from jaxskel.hull import VisualHulls, hulls_from_dense, make_grid
@@ -200,7 +200,7 @@ def test_raised_hands_and_a_crouch_from_silhouettes():
     assert above.sum() >= 3
 
     def head_errors(finder: RootFinder) -> np.ndarray:
-        joints = reconstruct(scene, replace(graph_settings(), root=finder)).joints
+        joints = reconstruct(scene, replace(graph_settings(), graph=GraphSettings(root_finder=finder))).joints
         return np.linalg.norm(joints[:, 2] - scene.truth.joints[:, 2], axis=-1)
 
     assert head_errors(HeadBall()).max() < 0.1

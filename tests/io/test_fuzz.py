@@ -14,7 +14,13 @@ from hypothesis import strategies as st
 from support.outcomes import outcome
 from support.readers import READERS
 
+
 # What stands in place of a number, a word, or a length.
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("fuzz")
+
+
 WEIRD = [b"", b"nan", b"inf", b"-inf", b"-1", b"0", b"1e999", b"1e308", b"-1e308", b"1e-320", b"1000000000", b"9" * 30,
          b"9" * 400, b"1_0", "²".encode(), b"true", b"[", b"]", b"{", b"}", b'"', b"<", b">", b"&a;", b":", b"=",
          b"- ", b"#", b"\n", b"\t", b"  ", b"\x00", b"\xff", b"!!opencv-matrix", b"..", b"MOTION", b"End",

@@ -113,7 +113,15 @@ def test_the_table_has_all_terms_and_parametrisations():
 
     def parts(module, kind):
         # Contrast: abstract classes and what only serves others.
-        abstract = ("AbstractTerm", "CapsuleTerm", "FunctionTerm", "JointRotations", "FreeJoints", "Parametrisation")
+        abstract = (
+            "AbstractTerm",
+            "CapsuleTerm",
+            "FunctionTerm",
+            "JointRotations",
+            "FreeJoints",
+            "Parametrisation",
+            "Motion",
+        )
         found = (value for name, value in vars(module).items() if name not in abstract)
         return {value for value in found if isinstance(value, type) and issubclass(value, kind)}
 

@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-import pytest
-
 from support.readers import READERS
 
 
@@ -22,8 +20,3 @@ def outcome(path: Path, reader: str, folder: Path) -> str | None:
     assert len(told) < 5000, told
     assert told.startswith(str(folder)), told
     return told
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("fuzz")

@@ -53,6 +53,11 @@ def with_known_body(recording: Recording) -> Settings:
     return Settings(body=make_body(recording.skeleton))
 
 
+def with_hull(settings: Settings, **changes) -> Settings:
+    """The same settings, but for how hulls are carved."""
+    return replace(settings, hull=replace(settings.hull, **changes))
+
+
 def graph_settings(matcher: Matcher | None = None) -> Settings:
     """No search either: the pose of the graph that starts at the ball of the head, refined against the graph."""
     matching = MatchingSettings(matcher or DtwMatcher(), HANDLESS_DESCRIPTOR)

@@ -1,6 +1,5 @@
 """What the interactive view holds, read back from its file."""
 
-import sys
 from dataclasses import replace
 from unittest.mock import patch
 
@@ -8,15 +7,13 @@ import cv2
 import equinox as eqx
 import numpy as np
 import pytest
-from support.command_line import jaxskel
 from support.recordings import moved, with_masks
-from support.report_page import FRAMES, LOST, filmed, poses_of
+from support.report_page import FRAMES, LOST
+from support.rerun_files import every_frame, read
 
 from jaxskel import JOINT_NAMES, Poses, Recording, Settings, prepare, unpack_silhouettes
 from jaxskel.cameras import project
 from jaxskel.hull import VoxelGrid, hulls_from_dense
-from jaxskel.io.poses import write_poses
-from jaxskel.io.recordings import write_recording
 from jaxskel.poses import STATUS_NAMES, Status
 from jaxskel.recording import rotation_to_z_up
 
@@ -25,56 +22,11 @@ EMPTY = 7
 
 
 @pytest.fixture(scope="module")
-def view():
-    """The package's module, where the viewer's package is there and can read its own files."""
-    pytest.importorskip("rerun.chunk", reason='needs rerun: pip install "jaxskel[view]"')
-    import jaxskel.visualization.viewer
-
-    return jaxskel.visualization.viewer
-
-
-@pytest.fixture(scope="module")
-def recording() -> Recording:
-    scene = filmed()
-    masks = np.array(scene.silhouettes)
-    masks[EMPTY] = 0
-    return with_masks(scene, masks)
-
-
-@pytest.fixture(scope="module")
-def poses(recording) -> Poses:
-    return poses_of(recording)
-
-
-@pytest.fixture(scope="module")
 def logged(view, recording, poses, tmp_path_factory) -> dict:
     path = tmp_path_factory.mktemp("view") / "out" / "a.rrd"
     assert view.save_view(path, recording, poses) == FRAMES
     assert [found.name for found in path.parent.iterdir()] == ["a.rrd"]
     return read(path)
-
-
-def read(path) -> dict:
-    """Of every component, by entity and name: what was logged, by frame; by None where it holds for all frames."""
-    from rerun.chunk import RrdReader
-
-    found: dict = {}
-    for chunk in RrdReader(path).stream().to_chunks():
-        batch = chunk.to_record_batch()
-        columns = dict(zip(batch.schema.names, batch.columns, strict=True))
-        frames = [None] * batch.num_rows if chunk.is_static else columns["frame"].to_pylist()
-        for name in columns.keys() - {"log_time"}:  # which has nanoseconds
-            of = found.setdefault((chunk.entity_path, name.split(":")[-1]), {})
-            for frame, value in zip(frames, columns[name].to_pylist(), strict=True):
-                assert frame is None or frame not in of
-                of[frame] = value
-    return found
-
-
-def every_frame(found: dict, entity: str, name: str) -> list:
-    of = found[entity, name]
-    assert sorted(of) == list(range(100, 100 + FRAMES))
-    return [of[100 + i] for i in range(FRAMES)]
 
 
 def test_joints_are_those_of_the_poses_and_nothing_stale_is_shown(logged, poses):
@@ -233,7 +185,7 @@ def test_a_frame_of_several_people_shows_all_that_was_carved(recording):
     prepared = prepare(recording, Settings(), calibrate=False)
     (alone,) = stages_of_frames(recording, np.array([0]), prepared, Settings())
     nobody = replace_seen()
-    with patch("jaxskel.view._stages.see_people", nobody):
+    with patch("jaxskel.pipeline._observe_batch.see_people", nobody):
         (refused,) = stages_of_frames(recording, np.array([0]), prepared, Settings())
     assert refused.status == Status.SEVERAL_PEOPLE
     assert len(refused.surface) >= len(alone.surface) > 1000
@@ -265,58 +217,3 @@ def test_frames_of_the_recording_are_shown_in_order_whatever_the_order_of_the_po
     shown = read(tmp_path / "a.rrd")["/world/skeleton/joints", "positions"]
     assert sorted(shown) == [100, 101]
     np.testing.assert_array_equal(shown[101][:15], poses.joints[1])
-
-
-@pytest.fixture(scope="module")
-def folder(recording, poses, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("command")
-    write_recording(folder / "scene.npz", recording)
-    write_poses(folder, poses)
-    write_poses(folder / "other", replace(poses, fps=7.0))
-    return folder
-
-
-def test_the_command_writes_a_file(view, folder):
-    done = jaxskel("view", "scene.npz", "poses.npz", "--frames", "3:6", "--save", "out/a.rrd", cwd=folder)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("out/a.rrd: 3 frames, 4 views, with poses, 0.")
-    assert sorted(read(folder / "out" / "a.rrd")["/status", "text"]) == [103, 104, 105]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "why"),
-    [
-        (("scene.npz", "--save", "a.html"), "jaxskel: a.html: the view is written to a file; give a name that ends"),
-        (("scene.npz", "--save", "no.rrd", "--frames", "5:2"), "jaxskel: --frames 5:2: give A:B with 0 <= A < B <= 12"),
-        (("scene.npz", "--save", "no.rrd", "--frames", "5:99"), "jaxskel: --frames 5:99: give A:B"),
-        (("scene.npz", "--save", "no.rrd", "--frames", "5"), "jaxskel: --frames 5: give A:B"),
-        (("scene.npz", "other/poses.npz", "--save", "no.rrd"), "jaxskel: scene: frames per second 5.0 but"),
-    ],
-)
-def test_wrong_input_of_the_command_is_one_line(view, folder, arguments, why):
-    done = jaxskel("view", *arguments, cwd=folder)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.splitlines()[-1].startswith(why)
-    assert not (folder / "no.rrd").exists()
-
-
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="elsewhere there always is a display")
-def test_without_a_display_the_command_says_how_to_go_on(view, folder, monkeypatch):
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    done = jaxskel("view", "scene.npz", cwd=folder)
-    assert done.returncode == 2
-    assert "give --save FILE.rrd" in done.stderr
-    with pytest.raises(OSError, match="no display"):
-        view.show_view(filmed())
-
-
-def test_without_the_viewers_package_the_command_says_how_to_get_it(folder):
-    ours = {name: None for name in sys.modules if name.startswith("jaxskel.visualization.viewer")}
-    with patch.dict(sys.modules):
-        for name in ours:
-            del sys.modules[name]
-        sys.modules["rerun"] = None
-        done = jaxskel("view", "scene.npz", "--save", "a.rrd", cwd=folder)
-    assert done.returncode == 2
-    assert done.stderr.strip() == 'jaxskel: the 3D view needs rerun, which is missing: pip install "jaxskel[view]"'

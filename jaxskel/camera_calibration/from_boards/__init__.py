@@ -1,7 +1,7 @@
-"""Cameras calibrated by a checkerboard, with OpenCV.
+"""Camera calibration from a checkerboard, with OpenCV.
 
-In: films of a board. Out: `Cameras`. Extrinsics that are roughly right are refined from silhouettes by
-[`refine_cameras`][jaxskel.refine_cameras].
+In: videos or images of a board. Out: `BoardCalibration` with `Cameras` (intrinsics, and extrinsics in the frame of the
+board). [`refine_cameras`][jaxskel.refine_cameras] can refine roughly right extrinsics from silhouettes.
 """
 
 from ._board import Board as Board

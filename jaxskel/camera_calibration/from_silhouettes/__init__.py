@@ -1,4 +1,4 @@
-"""Camera extrinsics refined until the silhouettes agree with each other.
+"""Refines camera extrinsics until the silhouettes of all views agree.
 
 In: a recording with a roughly right calibration. Out: `RefinedCameras`.
 """

@@ -1,4 +1,8 @@
-"""Calibrations of other tools: one reader a format, one validated type out (`Calibration`)."""
+"""Calibrations of other tools, one reader for each format.
+
+In: a calibration file or folder. Out: a validated `Calibration`: intrinsics, extrinsics (world to camera, m),
+distortion, image sizes and the up axis. Some formats can be written too.
+"""
 
 from ._calibration import Calibration as Calibration
 from ._calibration import Contents as Contents

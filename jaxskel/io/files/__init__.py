@@ -1,4 +1,8 @@
-"""Files that nobody vouches for: read with bounds, every fault told in one line that names file, key and remedy."""
+"""Untrusted files: every reader bounds what it allocates.
+
+In: paths of archives, images, videos and TOML files. Out: their content, or a `ValueError` of one line that names the
+file, the key and the remedy.
+"""
 
 from ._archive import StoredRows as StoredRows
 from ._archive import keys_of as keys_of

@@ -1,4 +1,7 @@
-"""Motion capture of other people: ASF/AMC and BVH in, a `Motion` out."""
+"""Motion capture data of other sources.
+
+In: ASF/AMC or BVH files. Out: a `Motion` of joint positions over time (m), used for synthetic recordings.
+"""
 
 from ._asf_amc import parse_asf_amc as parse_asf_amc
 from ._asf_amc import read_asf_amc as read_asf_amc

@@ -1,4 +1,7 @@
-"""Poses to the formats of other tools, and back: npz, CSV, TRC, C3D, BVH."""
+"""Poses on disk, for this package and for other tools.
+
+In: joint positions over time (m). Out: npz, CSV, TRC, C3D and BVH files. Readers exist for npz, TRC and ground truth.
+"""
 
 from ._bvh import BVH_NAMES as BVH_NAMES
 from ._bvh import Animation as Animation

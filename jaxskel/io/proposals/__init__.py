@@ -1,3 +1,6 @@
-"""A folder of somebody's files to a `recording.toml`: what was found, what was settled how, and what is in doubt."""
+"""Proposes a `recording.toml` for a folder of images and calibration files.
+
+In: a folder. Out: a `Proposal`: the text of the file, how each entry was settled, and what remains in doubt.
+"""
 
 from ._proposals import propose_recording as propose_recording

@@ -1,4 +1,4 @@
-"""What a folder holds: a calibration, the views that go with its cameras, and what their images show."""
+"""Finds the inputs in a folder: a calibration, the views that belong to its cameras, and what their images show."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -24,34 +24,34 @@ _CALIBRATIONS = frozenset(
 
 @dataclass(frozen=True)
 class Found:
-    """The inputs of a recording, by the names that a `recording.toml` has for them."""
+    """The inputs of a recording, under the names that a `recording.toml` uses."""
 
     folder: Path
     calibration: str
     contents: Contents
     cameras: Mapping[str, str]
-    """The camera of each view."""
+    """Name of the camera of each view."""
     by_order: bool
-    """Nothing but the order told which camera is which view."""
+    """Whether only the order tells which camera belongs to which view."""
     frames: Mapping[str, Frames]
     """The images of each view."""
     lines: Mapping[str, list[str]]
-    """What the table of each view says of them."""
+    """Lines for the TOML table of each view."""
     fps: float
     doubts: tuple[str, ...]
 
 
 def find_inputs(folder: Path, views: str | None, calibration: str | None, fps: float | None) -> Found:
-    """Find what a recording is made of.
+    """Find the inputs of a recording.
 
     Args:
-        folder: Where.
-        views: Pattern of the views, where there are several sets.
-        calibration: File of the calibration relative to the folder, where there are several.
-        fps: Frames per second, where no video says it.
+        folder: Folder to search.
+        views: Pattern of the views, if there are several sets.
+        calibration: Calibration file relative to the folder, if there are several.
+        fps: Frames per second, if no video states it.
 
     Raises:
-        ValueError: One line, as `propose_recording` says.
+        ValueError: As `propose_recording` raises it.
     """
     source, contents, doubts = _calibration(folder, calibration)
     if contents.unit is None:
@@ -77,7 +77,7 @@ def find_inputs(folder: Path, views: str | None, calibration: str | None, fps: f
 
 
 def _calibration(folder: Path, wanted: str | None) -> tuple[str, Contents, list[str]]:
-    """The calibration's path relative to the folder, what it holds, and what there was to choose."""
+    """The calibration's path relative to the folder, its contents, and doubts about the choice."""
     if wanted is not None:
         return wanted, contents_of(folder / wanted), []
     found: dict[str, Contents] = {}
@@ -93,15 +93,15 @@ def _calibration(folder: Path, wanted: str | None) -> tuple[str, Contents, list[
         if len(contents.entries) > 1:
             found[path.relative_to(folder).as_posix()] = contents
     if not found:
-        # The likeliest file tells; where there is none, the folder itself, with what is read.
+        # Report why the likeliest file was refused; without one, name the folder and the supported formats.
         why = min(refused, key=lambda each: each[0], default=(0, ""))[1]
         raise fault(folder, None, f"holds no calibration that can be read; {why or _refusal(folder)}")
-    # A file that names all cameras goes before a folder of files. Then those nearest to the top, and of those TOML:
-    # it is what people edit.
+    # A file with all cameras goes before a folder of files, then the file nearest to the top, then TOML, which is the
+    # format that people edit.
     order = sorted(
         found, key=lambda text: ((folder / text).is_dir(), text.count("/"), not text.endswith(".toml"), text)
     )
-    # One may be named in several ways, as by each file of a pair.
+    # One calibration may have several names, such as either file of a pair.
     others = [
         "the files in the folders of the views" if text == "." else text
         for text in order[1:]
@@ -127,7 +127,7 @@ def _refusal(path: Path) -> str:
 
 
 def _unlikely(path: Path) -> int:
-    """How unlikely it is that somebody takes a file for a calibration."""
+    """Rank of how unlikely it is that somebody takes this file for a calibration."""
     if path.is_dir():
         return 2
     suffix = path.suffix.lower()
@@ -137,7 +137,7 @@ def _unlikely(path: Path) -> int:
 
 
 def _may_be_calibration(folder: Path) -> bool:
-    """A folder is one where its files belong together."""
+    """Whether the files of a folder may form one calibration."""
     try:
         names = [file.name.lower() for file in folder.iterdir()]
     except OSError:
@@ -147,7 +147,7 @@ def _may_be_calibration(folder: Path) -> bool:
 
 
 def _views(folder: Path, pattern: str | None, cameras: list[str]) -> tuple[ViewSet, Match, list[ViewSet]]:
-    """The set of views that goes with the cameras, which is which, and the other sets."""
+    """The set of views that belongs to the cameras, the match of views and cameras, and the other sets."""
     sets = find_view_sets(folder)
     if pattern is not None:
         wanted = [found for found in sets if found.pattern == pattern]
@@ -166,8 +166,8 @@ def _views(folder: Path, pattern: str | None, cameras: list[str]) -> tuple[ViewS
     if not fitting:
         told = next(iter(of_frames.values()), None) or all_in_one(folder, cameras)
         raise fault(folder, None, told or _nothing(sets, cameras))
-    # The surest first: names tell which camera is which, and for each view there is one; then what the images show;
-    # then what their names say, which never leaves nothing.
+    # In order of certainty: names match cameras one-to-one; then what the images show; then what the names of the sets
+    # suggest, which always leaves at least one set.
     shown = {id(found): _shows_masks(folder, found) for found, _ in fitting} if len(fitting) > 1 else {}
     for is_better in (
         lambda found, match: not match.by_order,
@@ -197,7 +197,7 @@ def _matched(found: ViewSet, cameras: list[str]) -> Match | None:
 
 
 def _nothing(sets: list[ViewSet], cameras: list[str]) -> str:
-    """Why no set of views will do."""
+    """Why no set of views is usable."""
     if len(sets) == 1:
         try:
             match_names(list(sets[0].sources), cameras)
@@ -226,7 +226,7 @@ def _rate(folder: Path, frames: dict[str, Frames]) -> float:
 
 
 def _shows_masks(folder: Path, found: ViewSet) -> bool:
-    """Whether the first view of a set has masks; not, where it cannot be read, or would have to be asked about."""
+    """Whether the first view of a set has masks; False if it cannot be read or its rule is undecided."""
     name, text = next(iter(found.sources.items()))
     try:
         return rule_of(_opened(folder, name, text)).matte is not None
@@ -235,7 +235,7 @@ def _shows_masks(folder: Path, found: ViewSet) -> bool:
 
 
 def _view_lines(name: str, text: str, view: Frames, others: list[ViewSet], doubts: list[str]) -> list[str]:
-    """What a view's images are: masks, or in colour with what there is for a background."""
+    """Lines for a view's images: masks, or colour images with the background that is available."""
     doubts += [f"{name}: {note}" for note in view.notes]
     rule = rule_of(view)
     if not rule.is_picture:

@@ -1,4 +1,4 @@
-"""Which camera a view is of, by their names."""
+"""Matches views to cameras by their names."""
 
 import os
 import re
@@ -8,28 +8,28 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Match:
-    """Views and their cameras."""
+    """Which camera each view belongs to."""
 
     cameras: dict[str, str]
-    """The camera of each view that has one."""
+    """Name of the camera of each matched view."""
     by_order: bool = False
-    """Nothing but the order told which is which."""
+    """Whether only the order tells which camera belongs to which view."""
     without_camera: tuple[str, ...] = ()
-    """Views that are of no camera."""
+    """Views that belong to no camera."""
     without_view: tuple[str, ...] = ()
-    """Cameras that no view is of."""
+    """Cameras without a view."""
     exact: bool = False
-    """Names differ in case, signs and leading zeros only."""
+    """Whether the names differ only in case, punctuation and leading zeros."""
 
 
 def match_names(views: Sequence[str], cameras: Sequence[str]) -> Match:
-    """The camera of each view.
+    """Match views to cameras.
 
-    By names that differ in case, signs and leading zeros only, by what names have of their own beside what all have, or
-    by numbers in them; by order where views and cameras are as many and names tell nothing.
+    Names match if they differ only in case, punctuation and leading zeros, or in the words that all names share, or if
+    their numbers match. If there are as many views as cameras and no name tells anything, the order decides.
 
     Raises:
-        ValueError: Why views and cameras cannot be told to go together, a part of a line.
+        ValueError: Why the match is ambiguous, as a part of a line.
     """
     best = Match({})
     for key in (_plain, _own_part, _digits):
@@ -47,7 +47,7 @@ def match_names(views: Sequence[str], cameras: Sequence[str]) -> Match:
 
 
 def _by(key: Callable[[Sequence[str]], list[str]], views: Sequence[str], cameras: Sequence[str]) -> Match:
-    """The match of those names that are the same by a key; nothing where the key does not tell them apart."""
+    """The match of names with equal keys; empty if the key does not distinguish them."""
     known, wanted = key(cameras), key(views)
     if len(set(known)) < len(cameras) or len(set(wanted)) < len(views):
         return Match({})
@@ -70,7 +70,7 @@ def _digits(names: Sequence[str]) -> list[str]:
 
 
 def _own_part(names: Sequence[str]) -> list[str]:
-    """What is left of names without what all begin or end with, up to a sign: left_mask and right_mask."""
+    """Names without the words that all of them begin or end with: `left` of left_mask beside right_mask."""
     parts = [re.split(r"[\W_]+", name) for name in names]
     before = len(os.path.commonprefix(parts))
     after = len(os.path.commonprefix([part[::-1] for part in parts]))

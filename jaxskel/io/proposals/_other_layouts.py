@@ -1,4 +1,4 @@
-"""Layouts of images that are no views yet, and how to make views of them."""
+"""Recognises unsupported layouts of images, and tells how to rearrange them into views."""
 
 import os
 import re
@@ -11,15 +11,15 @@ from ..views import is_image
 from ._matched_names import match_names
 from ._view_sets import ViewSet
 
-# Of a folder with more files these are enough to tell.
+# Largest number of files of a folder that are examined, which is enough to recognise its layout.
 _ENOUGH = 2000
 
 
 def all_in_one(folder: Path, cameras: Sequence[str]) -> str | None:
-    """What to tell where a folder holds the images of several cameras, as ``masks/cam1_000000.png``.
+    """Advice if one folder holds the images of several cameras, such as ``masks/cam1_000000.png``; None otherwise.
 
     Args:
-        folder: Where to look, and in folders in it.
+        folder: Folder to search, with its subfolders.
         cameras: Names of the cameras.
     """
     for place in _folders(folder):
@@ -44,10 +44,10 @@ def all_in_one(folder: Path, cameras: Sequence[str]) -> str | None:
 
 
 def folder_of_each_frame(folder: Path, found: ViewSet, cameras: Sequence[str]) -> str | None:
-    """What to tell where a set of folders has one for each frame, with a file for each camera.
+    """Advice if the folders of a set are frames, with one file for each camera; None otherwise.
 
     Args:
-        folder: What the set was found in.
+        folder: Folder in which the set was found.
         found: The set.
         cameras: Names of the cameras.
     """
@@ -60,7 +60,7 @@ def folder_of_each_frame(folder: Path, found: ViewSet, cameras: Sequence[str]) -
     stems = [os.path.splitext(file)[0] for file in files]
     if not _go_together(stems, cameras):
         return None
-    # Numbers of frames are those of cameras now and then.
+    # Frame numbers sometimes equal camera numbers.
     if _go_together(list(found.sources), cameras) and not match_names(stems, cameras).exact:
         return None
     suffix = os.path.splitext(files[0])[1]
@@ -73,14 +73,14 @@ def folder_of_each_frame(folder: Path, found: ViewSet, cameras: Sequence[str]) -
 
 
 def _folders(folder: Path) -> Iterator[Path]:
-    """A folder and those in it, two levels down."""
+    """A folder and its subfolders, two levels down."""
     yield folder
     for pattern in ("*", "*/*"):
         yield from sorted(place for place in folder.glob(pattern) if place.is_dir())
 
 
 def _go_together(names: Sequence[str], cameras: Sequence[str]) -> bool:
-    """Whether names are those of the cameras."""
+    """Whether the names match those of the cameras."""
     try:
         match = match_names(names, cameras)
     except ValueError:
@@ -89,5 +89,5 @@ def _go_together(names: Sequence[str], cameras: Sequence[str]) -> bool:
 
 
 def _for_shell(path: str) -> str:
-    """A path with asterisks, as a shell reads it."""
+    """A path quoted for a shell, except for its asterisks."""
     return "/".join(part if part == "*" else shlex.quote(part) for part in path.split("/"))

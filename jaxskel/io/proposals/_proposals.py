@@ -1,4 +1,4 @@
-"""What a folder without a `recording.toml` may be: its views, its calibration, and which camera is which view."""
+"""Proposes a `recording.toml` for a folder that has none: its views, its calibration and their match."""
 
 import re
 from collections.abc import Sequence
@@ -17,11 +17,11 @@ from ._proposed_up import proposed_up
 
 @dataclass(frozen=True)
 class Proposal:
-    """A `recording.toml`, and what a person should look at in it."""
+    """The text of a `recording.toml`, and what a person should check in it."""
 
     text: str
     doubts: tuple[str, ...]
-    """Where it had to choose."""
+    """Choices that were made without certainty."""
 
 
 def propose_recording(
@@ -31,21 +31,21 @@ def propose_recording(
     fps: float | None = None,
     change: ImageChange | None = None,
 ) -> Proposal:
-    """Write down what a folder seems to hold.
+    """Write a `recording.toml` for what a folder seems to hold.
 
-    What is proposed has been read as `read_recording` will read it. What was done to images of other sizes than the
-    calibrated ones is what makes the silhouettes of a few frames agree.
+    The proposal has been read in the same way as `read_recording` will read it. If images differ in size from the
+    calibrated ones, the change is chosen that makes the silhouettes of a few frames agree.
 
     Args:
         folder: The folder.
-        views: Pattern of the views' files or folders relative to it, ``masks/*``, where there are several sets.
-        calibration: File of the calibration relative to it, where there are several.
-        fps: Frames per second, where no video says it.
-        change: What was done to images of other sizes than the calibrated ones, where the silhouettes do not tell it.
+        views: Pattern of the views' files or folders relative to it, such as ``masks/*``, if there are several sets.
+        calibration: Calibration file relative to it, if there are several.
+        fps: Frames per second, if no video states it.
+        change: How images that differ in size from the calibrated ones were changed, if the silhouettes do not tell.
 
     Raises:
-        ValueError: One line, where there is no calibration, or no set of views, or nothing says which of several it is,
-            or what was done to images of another size, or where the recording would be refused.
+        ValueError: One line. There is no calibration or no set of views, or several and no way to choose; or the change
+            of images of another size is unknown; or the recording would be refused.
     """
     path = folder / RECORDING_FILE
     found = find_inputs(folder, views, calibration, fps)
@@ -110,7 +110,7 @@ def _parsed(path: Path, text: str) -> dict[str, Any]:
 
 
 def _offsets(found: Found, doubts: list[str]) -> dict[str, int]:
-    """Offsets of views whose images' numbers have nothing in common: the first images together."""
+    """Offsets of views whose image numbers do not overlap: the first images are taken for the same frame."""
     spans = {name: frames.span for name, frames in found.frames.items()}
     if max(first for first, _ in spans.values()) <= min(last for _, last in spans.values()):
         return {}
@@ -120,7 +120,7 @@ def _offsets(found: Found, doubts: list[str]) -> dict[str, int]:
 
 
 def _frames(path: Path, table: dict[str, Any], views: Sequence[View], doubts: list[str]) -> tuple[int, int] | None:
-    """First and last frame, where views do not agree on them."""
+    """First and last frame, if the views differ in it; None otherwise."""
     spans = {view.span for view in views}
     if len(spans) == 1:
         return None

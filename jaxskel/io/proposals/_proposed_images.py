@@ -1,4 +1,4 @@
-"""What was done to the images of a recording's views after their calibration, as a `recording.toml` may say it."""
+"""Decides how the images of each view were changed after calibration, and the `recording.toml` lines that state it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,38 +15,38 @@ from ..views import Video, View
 from ._found_inputs import Found
 from ._settled_images import SeenViews, Settled, settled, stated, turned_or_mirrored
 
-# Frames that are looked at, spread over all; of a video, over its beginning, since all that is before is decoded.
+# Frames to sample: spread over all frames; for videos over this many first ones, since decoding starts at the front.
 _SAMPLES, _OF_VIDEO = 12, 300
 
 
 @dataclass(frozen=True)
 class ProposedImages:
-    """What a `recording.toml` says of the images, and the cameras that make them."""
+    """The lines of a `recording.toml` on the images, and the cameras that follow from them."""
 
     lines: dict[str, list[str]]
-    """For each view."""
+    """Lines for each view."""
     doubts: tuple[str, ...]
     calibrated: Cameras
-    """As they were calibrated."""
+    """The rig as it was calibrated."""
     cameras: Cameras
-    """As the images are."""
+    """The rig that matches the images."""
 
 
 def proposed_images(
     path: Path, found: Found, views: Sequence[View], frames: tuple[int, int], given: ImageChange | None
 ) -> ProposedImages:
-    """Settle what was done to the images of each view.
+    """Decide how the images of each view were changed.
 
     Args:
         path: The `recording.toml`.
-        found: What it will name.
-        views: The views that it names.
-        frames: The first and the last frame.
-        given: What was done to all images of other sizes than the calibrated ones, or if there are none, to all images,
-            where a person says it.
+        found: The inputs that it will name.
+        views: The views that it will name.
+        frames: First and last frame.
+        given: Change stated by the user, for all images that differ in size from the calibrated ones, or if none does,
+            for all images.
 
     Raises:
-        ValueError: One line, where sizes differ and nothing settles what was done.
+        ValueError: One line, if sizes differ and the change remains unknown.
     """
     entries = {entry.name: entry for entry in found.contents.entries}
     names = [found.cameras[view.name] for view in views]
@@ -97,7 +97,7 @@ def _settled(path: Path, seen: SeenViews, names: Sequence[str], given: ImageChan
 
 
 def _outlines(views: Sequence[View], frames: tuple[int, int]) -> tuple[dict[tuple[int, int], ConvexOutline], list[str]]:
-    """Outlines of some frames, by frame and view, and why there are none where that is so."""
+    """Convex outlines of some frames, by frame and view, and reasons for any that are missing."""
     first, last = frames
     if any(isinstance(view.frames, Video) for view in views):
         last = min(last, first + _OF_VIDEO)

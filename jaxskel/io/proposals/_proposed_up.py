@@ -1,4 +1,4 @@
-"""The axis that points up: what a format says by its habit is held against the cameras, which people mount upright."""
+"""Chooses the up axis: compares what the format states or implies with the cameras, which people mount upright."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,22 +9,22 @@ from ...cameras import Cameras, upright
 from ...recording import UP_AXES
 from ..calibrations import Contents
 
-# A ring of cameras that look level has 1 here, one that looks down by 60 degrees a half, and one of which half the
-# cameras stand on their heads 0.
+# Length of the mean upright of the cameras, along the axis, above which it is clear. Level cameras give 1, cameras that
+# look down by 60 degrees 0.5, and a rig with half of its cameras upside down 0.
 _CLEAR = 0.5
-# What contradicts the cameras by no more than this is no contradiction: they look down steeply.
+# A stated axis contradicts the cameras only below this value; cameras that look down steeply come close to it.
 _AGREES = 0.25
-# Formats whose files state the axis themselves; all others have a habit.
+# Formats whose files state the axis themselves; the others only have a convention.
 _STATING = ("sequence file", "FreeMoCap TOML")
 
 
 @dataclass(frozen=True)
 class ProposedUp:
-    """An axis for a `recording.toml`."""
+    """An up axis for a `recording.toml`."""
 
     axis: str
     comment: str = ""
-    """What is to be checked about it."""
+    """What a person should check about it."""
     doubts: tuple[str, ...] = ()
 
 
@@ -32,10 +32,10 @@ def proposed_up(source: str, contents: Contents, cameras: Sequence[Cameras]) -> 
     """Choose the axis that points up.
 
     Args:
-        source: The calibration's name, for messages.
-        contents: What it says.
-        cameras: The rig as it was calibrated and as its images are now. Images were turned either because the cameras
-            are mounted so, or by mistake: it stands upright where they are more alike.
+        source: Name of the calibration, for messages.
+        contents: Contents of the calibration.
+        cameras: The rig as calibrated and as its images are now. Images were turned either because the cameras are
+            mounted that way, or by mistake; the rig whose cameras agree better on the upright is used.
     """
     direction = max((upright(each) for each in cameras), key=lambda mean: round(float(np.linalg.norm(mean)), 3))
     along = {axis: float("+-".find(axis[0]) * -2 + 1) * float(direction["XYZ".index(axis[1])]) for axis in UP_AXES}

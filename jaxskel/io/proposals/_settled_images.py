@@ -1,4 +1,4 @@
-"""Which of the things that may have been done to images makes the silhouettes agree."""
+"""Decides which change of the images makes the silhouettes agree."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -11,17 +11,16 @@ from ...cameras import Cameras, ImageChange
 from ...outlines import ConvexOutline, pairs_of, tangent_misses
 from ._size_choices import Choice, Size, choices_for
 
-# A choice wins if the median miss (px) of another is larger by this factor, and by this much, which pixels do by
-# themselves, and if the tangents' misses have not become larger by chance (standard deviations of the mean ratio).
-_CLEARLY, _PIXELS, _SIGMAS = 1.15, 0.03, 2.5
-# Fewer tangents say nothing.
+# A choice wins if another's median miss (px) is larger by this factor and by this much, a difference that pixels alone
+# can make, and if chance does not explain the larger misses (standard deviations of the mean ratio).
+# With fewer tangents than this there is no decision.
 _LEAST_TANGENTS = 20
-# Planes miss each other by less than this part of a person's height, even where masks are poor and cameras, too; or by
-# less than this (px).
+# Epipolar tangent planes of agreeing silhouettes miss each other by less than this share of a person's height, even
+# with poor masks and cameras, or by less than this (px).
 _AGREEING, _PIXEL = 0.02, 1.0
-# Combinations of choices for groups of views that are looked at.
+# Largest number of combinations of choices for groups of views, so that the search stays short.
 _MOST_COMBINATIONS = 60
-# How far from a choice's crop better ones are looked for, as parts of the image.
+# Steps of the search for a better crop than a choice has, as shares of the image size.
 _STEPS = (0.04, 0.02, 0.01, 0.005)
 _AS_THEY_ARE = Choice("as they are", ImageChange())
 _WRONG = (
@@ -34,25 +33,25 @@ Misses = Float[np.ndarray, "pairs frames 2"]
 
 @dataclass(frozen=True)
 class SeenViews:
-    """Views of a rig with outlines of a few frames."""
+    """Views of a rig with silhouette outlines of a few frames."""
 
     cameras: Cameras
-    """As they were calibrated."""
+    """The rig as it was calibrated."""
     calibrated: Sequence[Size]
-    """Sizes of their images then (px)."""
+    """Sizes of the calibrated images (px)."""
     images: Sequence[Size]
     """Sizes of their images now (px)."""
     outlines: Mapping[tuple[int, int], ConvexOutline]
-    """By frame and view, in the images as they are."""
+    """Convex outlines by frame and view, in the images as they are (px)."""
 
     def misses(self, choices: Sequence[Choice], asked: Collection[int]) -> Misses:
-        """By how much tangents of the views in question miss each other (px), if this was done to the images."""
+        """Misses of the tangents of the views in question (px), if the images were changed by these choices."""
         moved = {
             (frame, view): choices[view].in_calibrated(outline, self.images[view], self.calibrated[view])
             for (frame, view), outline in self.outlines.items()
         }
         misses = tangent_misses(self.cameras, moved, 1 + max((frame for frame, _ in moved), default=0))
-        # Masks err by pixels of the images as they are.
+        # Masks err by pixels of the actual images.
         scales = np.array([np.mean(choice.change.scale) for choice in choices])
         pairs = np.array(pairs_of(len(self.cameras)))
         misses *= scales[pairs].mean(1)[:, None, None]
@@ -60,37 +59,37 @@ class SeenViews:
 
     @property
     def agreeing(self) -> float:
-        """Silhouettes that agree miss each other by less (px)."""
+        """Silhouettes that agree miss each other by less than this (px)."""
         heights = [np.ptp(outline.uv, axis=0).max() for outline in self.outlines.values()]
         return max(_PIXEL, _AGREEING * float(np.median(heights or [0.0])))
 
 
 @dataclass(frozen=True)
 class Settled:
-    """What was done to the images of each view."""
+    """The change of the images of each view."""
 
     choices: Sequence[Choice]
     told: str
-    """How that is known, with figures; empty where nothing was done."""
+    """The evidence, with figures; empty if nothing was changed."""
     doubt: str = ""
-    """What is wrong all the same."""
+    """What is wrong in spite of it."""
 
 
 def settled(seen: SeenViews) -> Settled:
-    """Settle what was done to images of other sizes than they were calibrated with.
+    """Decide how images were changed that differ in size from the calibrated ones.
 
-    Views of the same two sizes have the same done to them. Silhouettes of all frames together decide, and must do so
-    clearly; choices that make next to no difference need not be told apart, nor what is usual from what is unheard of.
+    Views with the same two sizes have the same change. The silhouettes of all frames decide together, and must do so
+    clearly. Choices with nearly the same effect need not be distinguished, and a usual choice wins over unusual ones.
 
     Raises:
-        ValueError: Why nothing is settled: a part of a line.
+        ValueError: Why there is no decision, as a part of a line.
     """
     groups: dict[tuple[Size, Size], list[int]] = {}
     for view, (calibrated, image) in enumerate(zip(seen.calibrated, seen.images, strict=True)):
         if calibrated != image:
             groups.setdefault((calibrated, image), []).append(view)
     asked = [view for views in groups.values() for view in views]
-    # In the order of likelihood.
+    # Likeliest combinations first.
     tried = [(chosen, seen.misses(chosen, asked)) for chosen in _combinations(groups, len(seen.cameras))]
     told = {
         id(chosen): ", ".join(dict.fromkeys(chosen[views[0]].told for views in groups.values())) for chosen, _ in tried
@@ -119,7 +118,7 @@ def settled(seen: SeenViews) -> Settled:
 
 
 def stated(seen: SeenViews, change: ImageChange, views: Collection[int]) -> Settled:
-    """What a person says was done to the images of some views."""
+    """The change of some views as the user states it."""
     choice = Choice("as stated", change)
     chosen = [choice if view in views else _AS_THEY_ARE for view in range(len(seen.cameras))]
     miss = _median(seen.misses(chosen, views))
@@ -129,7 +128,7 @@ def stated(seen: SeenViews, change: ImageChange, views: Collection[int]) -> Sett
 
 
 def turned_or_mirrored(seen: SeenViews) -> Settled:
-    """Whether images of the right size are turned by 180 degrees or mirrored: all of them, or those of one view."""
+    """Whether images of the right size are turned by 180 degrees or mirrored, in all views or in one."""
     names = seen.cameras.names
     every, given = range(len(names)), [_AS_THEY_ARE] * len(names)
     before = seen.misses(given, every)
@@ -157,7 +156,7 @@ def turned_or_mirrored(seen: SeenViews) -> Settled:
 
 
 def _combinations(groups: Mapping[tuple[Size, Size], list[int]], views: int) -> Iterator[list[Choice]]:
-    """Choices for all views; where there are too many, those that have the same done to all groups."""
+    """Choices for all views; if there are too many, only those with the same change for all groups."""
     combined = list(product(*(choices_for(*sizes) for sizes in groups)))
     alike = [each for each in combined if len({choice.told for choice in each}) == 1]
     if len(combined) <= _MOST_COMBINATIONS:
@@ -184,8 +183,8 @@ def _is_clear(best: Misses, other: Misses) -> bool:
         return not bool(np.isfinite(_median(other)))
     # Logarithms, because blobs in a mask make misses of any size.
     ratios = np.log((other[both] + _PIXELS) / (best[both] + _PIXELS))
-    # Those of one silhouette with all others err together: of n views there are as many for themselves as silhouettes
-    # have sides, of n (n - 1) / 2 pairs.
+    # Errors of one silhouette affect its tangents with all others. So only as many of the n (n - 1) / 2 pairs of n
+    # views are independent as there are silhouette sides.
     views = (1 + np.sqrt(1 + 8 * len(best))) / 2
     independent = both.sum() * min(1.0, views / len(best))
     return bool(ratios.mean() * np.sqrt(independent) > _SIGMAS * ratios.std())
@@ -197,10 +196,10 @@ def _are_alike(seen: SeenViews, one: Sequence[Choice], other: Sequence[Choice]) 
 
 
 def _check_crop(seen: SeenViews, chosen: Sequence[Choice], misses: Misses, asked: Sequence[int]) -> None:
-    """Refuse a choice that another crop is clearly better than: all were wrong, and this one the least.
+    """Refuse a choice if another crop is clearly better: then all choices were wrong, and this one was the least wrong.
 
     Raises:
-        ValueError: What the crop would be, a part of a line.
+        ValueError: The better crop, as a part of a line.
     """
 
     def shifted(x: float, y: float) -> list[Choice]:
@@ -228,7 +227,7 @@ def _check_crop(seen: SeenViews, chosen: Sequence[Choice], misses: Misses, asked
 
 
 def _guilty(misses: Misses, views: int) -> list[int]:
-    """Views of which the tangents miss by far more than those of the others among each other."""
+    """Views whose tangents miss by far more than those of the other views among each other."""
     pairs = np.array(pairs_of(views))
     found = []
     for view in range(views):

@@ -1,4 +1,4 @@
-"""What may have been done to images whose size is not that of the calibrated ones."""
+"""Lists the changes that may explain why images differ in size from the calibrated ones."""
 
 import math
 from dataclasses import dataclass
@@ -10,36 +10,36 @@ from ...cameras import ImageChange
 from ...outlines import ConvexOutline
 
 Size = tuple[float, float]
-# Scales across and down that differ by less are one: sizes are rounded to even numbers of pixels.
+# Horizontal and vertical scales closer than this (relative) count as one scale: sizes are rounded to even pixels.
 _ONE_SCALE = 0.01
-# Codecs and sensors fill sizes up to a multiple of 16 px.
+# Codecs and sensors pad sizes to a multiple of this (px).
 _BLOCK = 16
-# Changes that move no point by more than this part of the calibrated image's longer side from each other are alike: a
-# joint 4 m away is off by a centimetre or two, as much as calibrations are.
+# Two changes count as alike if no point moves by more than this share of the calibrated image's longer side: it shifts
+# a joint at 4 m by a centimetre or two, as much as calibrations err.
 _ALIKE = 0.005
 
 
 @dataclass(frozen=True)
 class Choice:
-    """One thing that may have been done to images."""
+    """One possible change of images."""
 
     told: str
-    """In words that follow "the images are"."""
+    """The change, in words that follow "the images are"."""
     change: ImageChange
     mirrored: bool = False
-    """Left and right were exchanged before the change: no camera sees that."""
+    """Left and right were exchanged before the change, which no camera model can express."""
     usual: bool = False
-    """What else the sizes allow is unheard of."""
+    """A usual change, beside which other changes that the sizes allow are very unlikely."""
 
     def in_calibrated(self, outline: ConvexOutline, image: Size, calibrated: Size) -> ConvexOutline:
-        """An outline in the image (px) as it was in the calibrated image."""
+        """Map an outline from the image (px) to the calibrated image (px)."""
         uv = outline.uv
         if self.mirrored:
             uv = np.stack([image[0] - 1 - uv[:, 0], uv[:, 1]], 1)
         return ConvexOutline(_moved(np.linalg.inv(self.change.matrix(calibrated)), uv), outline.cut)
 
     def is_alike(self, other: "Choice", image: Size, calibrated: Size) -> bool:
-        """Whether it makes next to no difference which of two it is."""
+        """Whether the other choice has nearly the same effect."""
         if self.mirrored != other.mirrored:
             return False
         corners = np.array([(u, v) for u in (0, image[0]) for v in (0, image[1])], float)
@@ -47,7 +47,7 @@ class Choice:
         return bool(np.abs(one - two).max() <= _ALIKE * max(calibrated))
 
     def lines(self, image: Size, calibrated: Size) -> list[str]:
-        """As a `recording.toml` says it."""
+        """Lines of a `recording.toml` for this choice."""
         change, found = self.change, []
         if change == ImageChange():
             return [] if image == calibrated else [f"calibrated_size = [{calibrated[0]:g}, {calibrated[1]:g}]"]
@@ -62,14 +62,14 @@ class Choice:
 
 
 def choices_for(calibrated: Size, image: Size) -> list[Choice]:
-    """What may have been done, the likeliest first.
+    """All choices for two sizes, likeliest first.
 
-    Scaled, with all that was calibrated in the image; turned by 90 or 270 degrees; cut out of it or padded, at the
-    middle or at one side; or scaled until it fits into the image or fills it, and padded or cut.
+    The whole calibrated image was scaled; or turned by 90 or 270 degrees; or cut or padded, around the middle or at one
+    side; or scaled until it fits or fills the image, and padded or cut.
 
     Args:
         calibrated: Width and height of the calibrated images (px).
-        image: Those of the images now (px).
+        image: Width and height of the images now (px).
     """
     found: list[Choice] = []
     for turn in (0, 90, 270):
@@ -105,7 +105,7 @@ def choices_for(calibrated: Size, image: Size) -> list[Choice]:
 
 
 def _is_block(calibrated: float, image: float) -> bool:
-    """Whether one length is the other, or the other filled up to whole blocks (px)."""
+    """Whether two lengths are equal, or one is the other padded to whole blocks (px)."""
     less, more = sorted((calibrated, image))
     return less == more or more == _BLOCK * math.ceil(less / _BLOCK)
 

@@ -1,4 +1,4 @@
-"""Sets of views in a folder: files or folders that differ in one part of their path, the camera's name."""
+"""Finds sets of views in a folder: files or folders that differ in one part of their path, the camera's name."""
 
 import os
 import re
@@ -10,9 +10,9 @@ from pathlib import Path
 from ..files import keys_of, shape_of
 from ..views import VIDEO_SUFFIXES, is_image
 
-# Folders in folders are looked through down to here, as in session/trial/camera/what/frames.
+# Depth of subfolders that are searched, as in session/trial/camera/what/frames.
 _DEPTH = 5
-# Stacks of 3 x 4 and 4 x 4 are matrices, not masks.
+# Stacks of arrays up to this side length are camera matrices (3 x 4, 4 x 4), not masks.
 _LARGEST_MATRIX = 4
 _MASKS = frozenset(
     "mask masks masked silhouette silhouettes sil silh matte mattes alpha seg segment segments segmented segmentation "
@@ -30,33 +30,33 @@ class ViewSet:
     """Views that belong together."""
 
     pattern: str
-    """Their paths relative to the folder, with ``*`` where the camera's name stands."""
+    """Their paths relative to the folder, with ``*`` in place of the camera's name."""
     sources: dict[str, str]
-    """What each camera's images are, as a `recording.toml` names it, by the camera's name."""
+    """For each camera's name, the source of its images as a `recording.toml` names it."""
 
     @property
     def is_of_masks(self) -> bool:
-        """Whether their name says that they are masks."""
+        """Whether the name of the set says that it holds masks."""
         return not _MASKS.isdisjoint(words_of(self.pattern))
 
     @property
     def is_background(self) -> bool:
-        """Whether their name says that they show the scene without the person."""
+        """Whether the name of the set says that it shows the scene without the person."""
         return not self.is_of_masks and not _BACKGROUND.isdisjoint(words_of(self.pattern))
 
     @property
     def is_accessory(self) -> bool:
-        """Whether their name says that they are made to prepare the others."""
+        """Whether the name of the set says that it only helps to process others (background or calibration)."""
         return self.is_background or not _CALIBRATION.isdisjoint(words_of(self.pattern))
 
 
 def words_of(text: str) -> list[str]:
-    """Whole words of a name, in small letters: split at signs, at numbers, and where small letters turn to large."""
+    """Lower-case words of a name, split at punctuation, digits, and where a capital follows a small letter."""
     return [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", text)]
 
 
 def find_view_sets(folder: Path) -> list[ViewSet]:
-    """All sets of at least two views, in the order of their patterns."""
+    """All sets of at least two views, sorted by pattern."""
     sets: dict[str, dict[str, str]] = defaultdict(dict)
     for text in sorted(_sources(folder), key=_natural):
         path, colon, key = text.partition(".npz:")
@@ -67,7 +67,7 @@ def find_view_sets(folder: Path) -> list[ViewSet]:
         for place, part in enumerate(parts):
             is_file = place == len(parts) - 1 and (folder / text).is_file()
             name, suffix = os.path.splitext(part) if is_file else (part, "")
-            # A camera may be named twice, as in cam1/cam1_mask.mp4.
+            # A camera's name may occur twice, as in cam1/cam1_mask.mp4.
             others = [re.sub(rf"(?<![^\W_]){re.escape(name)}(?![^\W_])", "*", other) for other in parts]
             sets["/".join([*others[:place], f"*{suffix}", *others[place + 1 :]])][name] = text
     found: dict[frozenset[str], ViewSet] = {}
@@ -83,7 +83,7 @@ def _sources(folder: Path) -> Iterator[str]:
     for place, folders, files in os.walk(folder, followlinks=True):
         here = Path(place)
         depth = len(here.relative_to(folder).parts)
-        # A link to a parent is not gone through again.
+        # Do not follow a link to a parent folder again.
         folders[:] = [] if depth >= _DEPTH or here.resolve() in reached else sorted(
             name for name in folders if not name.startswith(".")
         )  # fmt: skip
@@ -102,7 +102,7 @@ def _sources(folder: Path) -> Iterator[str]:
 
 
 def _keys_of_masks(path: Path) -> list[str]:
-    """Arrays of an archive that may be a camera's masks; none where it is damaged."""
+    """Arrays of an archive that may be the masks of a camera; none if it is damaged."""
     try:
         shapes = {key: shape_of(path, key) for key in keys_of(path)}
     except ValueError:
@@ -111,5 +111,5 @@ def _keys_of_masks(path: Path) -> list[str]:
 
 
 def _natural(text: str) -> list[tuple[int, str]]:
-    """Numbers in the order that people count in."""
+    """Sort key that orders numbers by value, not by their digits."""
     return [(int(part), "") if part.isdigit() and len(part) < 10 else (-1, part) for part in re.split(r"(\d+)", text)]

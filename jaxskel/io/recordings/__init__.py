@@ -1,4 +1,8 @@
-"""Recordings: a folder with a `recording.toml`, or everything in one sequence file. Out: a `Recording`."""
+"""Recordings: the input of the whole pipeline.
+
+In: a folder with a `recording.toml`, or one sequence file that holds everything. Out: a `Recording` (cameras,
+silhouettes, frame rate, up axis), read lazily.
+"""
 
 from ._changed_images import missing_sizes as missing_sizes
 from ._changed_images import read_change as read_change

@@ -1,4 +1,4 @@
-"""Keys of a view that say what was done to its images after its camera was calibrated."""
+"""Keys of a view that state how its images were changed after its camera was calibrated."""
 
 import math
 import reprlib
@@ -12,15 +12,15 @@ from ..files import fault
 from ._view_table import number
 
 Size = tuple[float, float]
-# Scaled sizes are rounded to whole pixels, by codecs to even ones.
+# Tolerance of sizes (px): scaled sizes are rounded to whole pixels, by codecs to even ones.
 _ROUNDED = 2.0
 _LEAST_SCALE, _MOST_SCALE = 1e-3, 1e3
-# The largest image has so many pixels on a side.
+# Largest crop offset (px): no image has more pixels on a side.
 _FARTHEST = 65536
 
 
 def read_change(path: Path, where: str, table: Mapping[str, Any]) -> ImageChange:
-    """What a view's table says of its images.
+    """Read the change of a view's images from its table.
 
     Args:
         path: The file, for messages.
@@ -59,12 +59,12 @@ def calibrated_size(
         path: The file, for messages.
         where: The table's name with a dot, for messages.
         table: The view's table.
-        image: Width and height of its images.
-        known: What the calibration says, if it does.
+        image: Width and height of its images now (px).
+        known: Size that the calibration states, if any (px).
         source: The calibration's name, for messages.
 
     Raises:
-        ValueError: One line, where sizes contradict each other and nothing says what was done to the images.
+        ValueError: One line, if the sizes contradict each other and the table does not state the change.
     """
     change = read_change(path, where, table)
     stated = table.get("calibrated_size")
@@ -85,7 +85,7 @@ def calibrated_size(
                 "[width, height]",
             )  # fmt: skip
         size = image[0] / change.scale[0], image[1] / change.scale[1]
-        return change.turned_size(size)  # a quarter turn back exchanges them as one to and fro does
+        return change.turned_size(size)  # a quarter turn back exchanges width and height too
     whole = change.size_of_all(known)
     if not cut:
         rounded = 0.0 if change.scale == (1.0, 1.0) else _ROUNDED
@@ -101,12 +101,12 @@ def calibrated_size(
 
 
 def missing_sizes(contents: Contents, names: Sequence[str], sizes: Sequence[Size]) -> dict[str, tuple[int, int]]:
-    """Whole sizes (px) for cameras of which a calibration says none: those of their views, and where nobody looks, any.
+    """Whole sizes (px) for cameras whose calibration states none: those of their views, or any if they have no view.
 
     Args:
         contents: The calibration.
-        names: Of the cameras that views are of.
-        sizes: Of their calibrated images (px).
+        names: Names of the cameras that have views.
+        sizes: Sizes of the calibrated images of these cameras (px).
     """
     known = dict(zip(names, sizes, strict=True))
     found = {entry.name: known.get(entry.name, sizes[0]) for entry in contents.entries if entry.size is None}
@@ -128,7 +128,7 @@ def _contradiction(change: ImageChange, image: tuple[int, int], known: Size, who
 
 
 def _overlap(change: ImageChange, image: tuple[int, int], known: Size) -> bool:
-    """Whether the image shows anything of what was calibrated."""
+    """Whether the image shows any part of the calibrated image."""
     turned = change.turned_size(known)
     return all(
         first < most and first + length / scale > 0

@@ -1,4 +1,4 @@
-"""Recordings that are folders: a calibration, a view for each camera, and a file that says what goes with what.
+"""Recordings as folders: a calibration, a view for each camera, and a `recording.toml` that connects them.
 
 fps = 60.0
 calibration = "Calib_qualisys.toml"
@@ -28,13 +28,13 @@ smooth = true                    # single pixels go
 largest = true                   # the largest connected part is the person
 fill = true                      # slits and small holes are closed
 
-Images are turned first, then cropped, then scaled: with ``(u, v)`` a point of the calibrated image once turned (px, an
-integer is the centre of a pixel), ``crop = [x, y]`` and ``scale = s``, it is at ``u' = s (u - x + 0.5) - 0.5``,
-``v' = s (v - y + 0.5) - 0.5`` in the image. Images that were padded at the left or at the top have a negative crop.
+Images are turned first, then cropped, then scaled. A point ``(u, v)`` of the calibrated image after the turn (px, an
+integer is the centre of a pixel) lies at ``u' = s (u - x + 0.5) - 0.5``, ``v' = s (v - y + 0.5) - 0.5`` in the image,
+with ``crop = [x, y]`` and ``scale = s``. Images that were padded at the left or at the top have a negative crop.
 Intrinsics and extrinsics follow, see `ImageChange`. Without any of these keys the sizes must be equal.
-``calibrated_size`` alone says that no pixel moved.
+``calibrated_size`` alone states that no pixel moved.
 
-Every fault is a `ValueError` of one line that names file and key and how to mend it.
+Every fault is a `ValueError` of one line that names the file, the key and how to mend it.
 """
 
 import reprlib
@@ -57,7 +57,7 @@ from ._view_table import number, rate, read_view, text
 
 RECORDING_FILE = "recording.toml"
 SUBJECT_FILE = "subject.toml"
-# A day at 100 frames per second, as of a video: numbers of images further apart are no recording.
+# A day of video at 100 frames per second: a larger span of image numbers is a mistake.
 _MOST_FRAMES = 10_000_000
 KEYS = ("fps", "calibration", "up", "unit", "frames", "subject", "views", "cleaning")
 
@@ -65,7 +65,7 @@ KEYS = ("fps", "calibration", "up", "unit", "frames", "subject", "views", "clean
 def read_folder(folder: Path, in_memory: int) -> Recording:
     """Read a recording that is a folder with a `recording.toml`.
 
-    Silhouettes are made when they are asked for. A frame of which a camera has no image is black in that view.
+    Silhouettes are made when they are needed. In a frame without an image of some camera, that view is empty (black).
 
     Args:
         folder: The folder.
@@ -82,10 +82,10 @@ def read_folder(folder: Path, in_memory: int) -> Recording:
 
 
 def described_views(path: Path, table: dict[str, Any]) -> list[View]:
-    """The views that a `recording.toml` names; `path` is the file, which need not be there yet.
+    """The views that a `recording.toml` names; the file `path` itself need not exist yet.
 
     Raises:
-        ValueError: As `read_folder` does.
+        ValueError: As `read_folder` raises it.
     """
     fps = rate(path, "fps", table.get("fps"), "frames per second")
     cleaning, shadows = _cleaning(path, table)
@@ -93,10 +93,10 @@ def described_views(path: Path, table: dict[str, Any]) -> list[View]:
 
 
 def described_recording(path: Path, table: dict[str, Any], views: list[View], in_memory: int) -> Recording:
-    """The recording of these views, with all else that its `recording.toml` says.
+    """The recording of these views, with all other settings of its `recording.toml`.
 
     Raises:
-        ValueError: As `read_folder` does.
+        ValueError: As `read_folder` raises it.
     """
     cameras, up, turns = _calibrated(path, table, views)
     first, last = described_span(path, table, views)
@@ -135,7 +135,7 @@ def _views(path: Path, table: dict[str, Any]) -> dict[str, Mapping[str, Any]]:
 
 
 def _calibrated(path: Path, table: dict[str, Any], views: list[View]) -> tuple[Cameras, str, np.ndarray]:
-    """The cameras in the order of the views, under their names and with the sizes of their images; up; and turns."""
+    """Cameras with the names, order and image sizes of the views; the up axis; and the turns of the images."""
     source = _beside(path, "calibration", table.get("calibration"))
     unit = number(path, "unit", table["unit"], "metres per unit", 1e-9, 1e3) if "unit" in table else None
     tables = table["views"]
@@ -145,7 +145,7 @@ def _calibrated(path: Path, table: dict[str, Any], views: list[View]) -> tuple[C
         raise fault(path, "views", f"two views have the camera {double}; give each its own")
     contents = contents_of(source)
     if not contents.entries:
-        validated(source, contents, unit, None)  # says what is wrong
+        validated(source, contents, unit, None)  # raises a message that says what is wrong
     entries = {entry.name: entry for entry in contents.entries}
     for name, view in zip(names, views, strict=True):
         if name in contents.unposed:
@@ -178,10 +178,10 @@ def _calibrated(path: Path, table: dict[str, Any], views: list[View]) -> tuple[C
 
 
 def described_span(path: Path, table: dict[str, Any], views: list[View]) -> tuple[int, int]:
-    """The first and the last frame.
+    """Numbers of the first and the last frame.
 
     Raises:
-        ValueError: As `read_folder` does.
+        ValueError: As `read_folder` raises it.
     """
     spans = [view.span for view in views]
     common = max(first for first, _ in spans), min(last for _, last in spans)
@@ -210,7 +210,7 @@ def _beside(path: Path, key: str, value: Any) -> Path:
 
 
 def _cleaning(path: Path, table: dict[str, Any]) -> tuple[Cleaning, bool]:
-    """What is done to silhouettes that are cut out, and whether shadows are background."""
+    """How cut-out silhouettes are cleaned, and whether shadows are background."""
     given = table.get("cleaning", {})
     if not isinstance(given, dict):
         raise fault(path, "cleaning", "give a table: a line [cleaning], then lines such as shadows = false")

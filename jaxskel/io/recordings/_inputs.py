@@ -1,4 +1,4 @@
-"""Which files a recording is read from."""
+"""Lists the files that a recording is read from."""
 
 import os
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ _VIEW_KEYS = ("masks", "images", "plate")
 
 
 def holds_silhouettes(path: Path) -> bool:
-    """Whether an `.npz` file is a sequence file, or is damaged so that nobody knows."""
+    """Whether an `.npz` file is a sequence file, or too damaged to tell."""
     try:
         return "silhouettes" in keys_of(path)
     except ValueError:
@@ -22,10 +22,9 @@ def holds_silhouettes(path: Path) -> bool:
 
 
 def input_paths(recording: Path) -> dict[str, Path]:
-    """The files, and folders of files, that a recording is read from, by the names it has for them.
+    """The files, and folders of files, that a recording is read from, by the names that it uses for them.
 
-    What is not there is left out, as is all that a damaged `recording.toml` names: to say so is for who reads the
-    recording.
+    Missing files are left out, as are all that a damaged `recording.toml` names; reading the recording reports them.
     """
     if not recording.is_dir():
         return {recording.name: recording} if recording.exists() else {}
@@ -46,7 +45,7 @@ def _table(path: Path) -> dict[str, Any]:
 
 
 def _is_path(name: str) -> bool:
-    # As for who reads it, an empty name is none; it would be the folder itself.
+    # An empty name counts as missing, as in the reader; it would name the folder itself.
     return bool(name) and "\0" not in name
 
 

@@ -1,4 +1,4 @@
-"""Recordings on disk: a sequence file, or a folder."""
+"""Reads recordings from disk: a sequence file or a folder."""
 
 from pathlib import Path
 
@@ -8,12 +8,12 @@ from ._sequence_file import IN_MEMORY, read_sequence_file
 
 
 def read_recording(path: str | Path, in_memory: int = IN_MEMORY) -> Recording:
-    """Read a sequence file (see `sequence_file.py`) or a folder with a `recording.toml` (see `folders.py`).
+    """Read a sequence file (see `_sequence_file.py`) or a folder with a `recording.toml` (see `_folders.py`).
 
     Args:
         path: The file, or the folder.
-        in_memory: Silhouettes that take more bytes than this, packed, do not stay in memory: those of a sequence file
-            are read when they are asked for, those of a folder go into a temporary file.
+        in_memory: Packed silhouettes larger than this (bytes) do not stay in memory: those of a sequence file are read
+            when they are needed, those of a folder go into a temporary file.
 
     Raises:
         ValueError: One line that names the file, the key and how to mend it.

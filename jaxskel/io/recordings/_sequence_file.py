@@ -1,6 +1,6 @@
-"""The sequence file, a recording in one file: a NumPy `.npz` archive.
+"""The sequence file: a recording in one NumPy `.npz` archive.
 
-Every fault is a `ValueError` of one line that names file and key and how to mend it.
+Every fault is a `ValueError` of one line that names the file, the key and how to mend it.
 """
 
 import math
@@ -17,9 +17,10 @@ from ..calibrations import up_axis
 from ..files import StoredRows, fault, numbers, read_arrays, short, switches, texts
 from ._stored import StoredSilhouettes
 
-# A person with arms stretched spans less than this (m); truth in millimetres spans a thousand times more.
+# A person with outstretched arms spans less than this (m); ground truth in millimetres spans a thousand times more.
 _WIDEST_PERSON = 5.0
-# Half an hour at 30 frames per second does not fit beside what a process needs anyway; a minute does.
+# Packed silhouettes larger than this (bytes) stay on disk: a minute at 30 frames per second fits, half an hour does
+# not.
 IN_MEMORY = 256 << 20
 
 
@@ -27,14 +28,13 @@ def read_sequence_file(path: Path, in_memory: int = IN_MEMORY) -> Recording:
     """Read a sequence file.
 
     Keys: `silhouettes` (frames, cams, h, w/8) packed bits or (frames, cams, h, w) masks of 0 and 1 or 255;
-    `K`, `R`, `t` (m), `size` (px), `fps`; optional `up` ("+Z" if missing), `dist`, `fisheye` (whether each lens is
-    that of cv2.fisheye), `camera_names`, `frame_index`, the subject's `rest_joints` and `rest_tips` (m), the ground
-    truth `joints` and `tips` (m, NaN where unknown). Others are ignored.
+    `K`, `R`, `t` (world to camera, m), `size` (px), `fps`; optional `up` ("+Z" if missing), `dist`, `fisheye` (whether
+    each lens is a cv2.fisheye one), `camera_names`, `frame_index`, the subject's `rest_joints` and `rest_tips` (m), the
+    ground truth `joints` and `tips` (world, m, NaN where unknown). Other keys are ignored.
 
     Args:
         path: The file.
-        in_memory: Silhouettes that take more bytes than this, packed, stay in the file and are read when they are
-            asked for.
+        in_memory: Packed silhouettes larger than this (bytes) stay in the file and are read when they are needed.
 
     Raises:
         ValueError: One line that names the file, the key and how to mend it.
@@ -64,12 +64,12 @@ def read_sequence_file(path: Path, in_memory: int = IN_MEMORY) -> Recording:
 
 
 def write_recording(path: str | Path, recording: Recording, made_by: str | None = None) -> None:
-    """Write a sequence file for [`read_recording`][]; a broken-off write leaves no file behind.
+    """Write a sequence file for [`read_recording`][]; an interrupted write leaves no file behind.
 
     Args:
         path: File to write, `.npz`.
-        recording: What to write.
-        made_by: A note for people, and for a program that is to know its own files again.
+        recording: Recording to write.
+        made_by: A note for people, by which a program can also recognise its own files.
     """
     cameras, skeleton, truth = recording.cameras, recording.skeleton, recording.truth
     arrays: dict[str, Any] = {
@@ -101,7 +101,7 @@ def _cameras(path: Path, arrays: dict[str, np.ndarray]) -> Cameras:
         names = texts(path, arrays, "camera_names")
         if len(names) != n or len(set(names)) != n:
             raise fault(path, "camera_names", f"give {n} different names, one for each camera of K, not {names}")
-    # One key at a time beside harmless others, so that the key at fault is known.
+    # Check one key at a time, with valid values for the others, so that the faulty key is known.
     given: dict[str, Any] = {"K": K, "R": np.tile(np.eye(3), (n, 1, 1)), "t": np.zeros((n, 3)), "size": (1, 1)}
     cameras = None
     for key in ("K", "R", "t", "size", "fisheye", "dist"):
@@ -131,7 +131,7 @@ def _skeleton(path: Path, arrays: dict[str, np.ndarray]) -> Skeleton | None:
 
 
 def truth(path: Path, arrays: dict[str, np.ndarray], frames: int | None) -> Truth | None:
-    """Check the ground truth of a file (m); NaN stands where it is unknown."""
+    """Check the ground truth of a file (world, m); NaN stands for unknown."""
     if "joints" not in arrays:
         if "tips" in arrays:
             raise fault(path, "tips", "comes without joints; give both or neither")
@@ -140,7 +140,7 @@ def truth(path: Path, arrays: dict[str, np.ndarray], frames: int | None) -> Trut
     tips = numbers(path, arrays, "tips", (len(joints), 5, 3), nan=True) if "tips" in arrays else None
     together = {"joints": joints} if tips is None else {"joints": joints, "tips": np.concatenate([joints, tips], 1)}
     for key, points in together.items():
-        # fmax and fmin step over NaN without a warning.
+        # fmax and fmin skip NaN without a warning.
         extent = (np.fmax.reduce(points, axis=1) - np.fmin.reduce(points, axis=1)).max(axis=1)
         if (extent > _WIDEST_PERSON).any():
             frame = int(np.argmax(extent > _WIDEST_PERSON))
@@ -162,7 +162,7 @@ def frame_rate(path: Path, arrays: dict[str, np.ndarray]) -> float:
 
 
 def frame_numbers(path: Path, arrays: dict[str, np.ndarray], frames: int) -> np.ndarray:
-    """Check `frame_index`, 0, 1, 2, ... where it is missing."""
+    """Check `frame_index`; the default is 0, 1, 2, ..."""
     index = arrays.get("frame_index", np.arange(frames))
     if index.shape != (frames,) or index.dtype.kind not in "iu":
         raise fault(path, "frame_index", f"{index.dtype} of shape {index.shape}; give {frames} whole numbers")
@@ -172,6 +172,6 @@ def frame_numbers(path: Path, arrays: dict[str, np.ndarray], frames: int) -> np.
 
 
 def check_names(path: Path, arrays: dict[str, np.ndarray], key: str, names: tuple[str, ...]) -> None:
-    """Refuse a file whose joints are listed in another order; a file that does not say is trusted."""
+    """Refuse a file that lists its joints in another order; a file without the key is trusted."""
     if key in arrays and tuple(texts(path, arrays, key)) != names:
         raise fault(path, key, f"reorder the file to {', '.join(names)}")

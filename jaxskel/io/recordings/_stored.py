@@ -1,4 +1,4 @@
-"""Silhouettes of a sequence file: what is claimed is checked at once, the bits of a frame when they are read."""
+"""Silhouettes of a sequence file: the header is checked at once, the bits of a frame when they are read."""
 
 import numpy as np
 from jaxtyping import Int, UInt8
@@ -7,12 +7,12 @@ from ...cameras import Cameras
 from ...recording import AbstractSilhouettes
 from ..files import StoredRows, check_pixels, fault
 
-# Bytes that are read at once, at least a frame.
+# Number of bytes read at once, but at least one frame.
 _CHUNK = 16 << 20
 
 
 class StoredSilhouettes(AbstractSilhouettes):
-    """Packed bits, or masks of 0 and 1 or 255, in the file.
+    """Silhouettes in the file, as packed bits or as masks of 0 and 1 or 255.
 
     Reading raises a `ValueError`, one line that names the file, the key and how to mend it.
     """
@@ -41,7 +41,7 @@ class StoredSilhouettes(AbstractSilhouettes):
         self.shape = frames, cams, height, packed_width
 
     def read(self, frames: Int[np.ndarray, " some"]) -> UInt8[np.ndarray, "some cams h w8"]:
-        """Read some frames; those that follow each other, together."""
+        """Read some frames; consecutive ones are read together."""
         found = np.empty((len(frames), *self.shape[1:]), np.uint8)
         most = max(1, _CHUNK // int(np.prod(self._rows.shape[1:])))
         for run in np.split(np.arange(len(frames)), np.flatnonzero(np.diff(frames) != 1) + 1):

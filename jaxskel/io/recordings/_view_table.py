@@ -1,4 +1,4 @@
-"""A view's table in a `recording.toml`: which images, and what is the person in them."""
+"""Reads a view's table in a `recording.toml`: its images, and what in them is the person."""
 
 import os
 import reprlib
@@ -33,9 +33,9 @@ KEYS = (
     "offset", "fps",
 )  # fmt: skip
 _BACKGROUNDS = ("plate", "median", "backdrop")
-# Of a recording's own images, so many make its background: a median of more is no better.
+# Number of a recording's own images from which its background is made: a median of more is no better.
 _SAMPLES = 50
-# Nobody's body has more parts.
+# No body model has more parts.
 _MOST_VALUES = 1000
 
 
@@ -45,9 +45,9 @@ def read_view(path: Path, name: str, table: Mapping[str, Any], fps: float, clean
     Args:
         path: The file, for messages; other files are named relative to its folder.
         name: The view's name.
-        table: What the file says of it.
-        fps: The recording's frames per second.
-        cleaning: What is done to silhouettes that are cut out here.
+        table: The view's table.
+        fps: Frame rate of the recording (frames per second).
+        cleaning: How silhouettes that are cut out here are cleaned.
         shadows: Whether shadows on a plate are background.
 
     Raises:
@@ -85,7 +85,7 @@ def read_view(path: Path, name: str, table: Mapping[str, Any], fps: float, clean
 
 
 def _masks(path: Path, where: str, frames: Frames, person: Any) -> tuple[Frames, Matte]:
-    """A view's masks, and what is the person in them."""
+    """A view's masks, and the rule that finds the person in them."""
     rule = rule_of(frames) if person is None else rule_for(frames, _person(path, f"{where}person", person))
     if rule.matte is None:
         told = f"{rule.told}, person = {person_text(rule.person)}" if rule.person else rule.told
@@ -94,7 +94,7 @@ def _masks(path: Path, where: str, frames: Frames, person: Any) -> tuple[Frames,
 
 
 def _person(path: Path, key: str, value: Any) -> Person:
-    """Check values or colours of the person."""
+    """Check the mask values or colours of the person."""
     if isinstance(value, list) and 0 < len(value) <= _MOST_VALUES:
         if all(type(number) is int and 0 <= number <= 65535 for number in value):
             return tuple(value)
@@ -109,7 +109,7 @@ def _is_colour(value: Any) -> bool:
 
 
 def open_frames(path: Path, key: str, value: Any) -> Frames:
-    """The images that a value names: a folder, a video, or ``archive.npz:key``."""
+    """Open the images that a value names: a folder, a video, or ``archive.npz:key``."""
     place = place_of(path.parent, text(path, key, value))
     if _is_member(value):
         return MaskArchive(place, value.rpartition(":")[2])
@@ -127,19 +127,19 @@ def _is_member(value: str) -> bool:
 
 
 def text(path: Path, key: str, value: Any) -> str:
-    """Check a text."""
+    """Check that a value is a non-empty string."""
     if not isinstance(value, str) or not value:
         raise fault(path, key, "is missing; name a file" if value is None else f"is {reprlib.repr(value)}; give text")
     return value
 
 
 def rate(path: Path, key: str, value: Any, what: str) -> float:
-    """Check a number of images per second."""
+    """Check that a value is a rate (per second)."""
     return number(path, key, value, what, 1e-4, 1e6)
 
 
 def number(path: Path, key: str, value: Any, what: str, least: float, most: float) -> float:
-    """Check a positive number."""
+    """Check that a value is a number between `least` and `most`."""
     if type(value) not in (int, float) or not least <= value <= most:
         told = "is missing" if value is None else f"is {reprlib.repr(value)}"
         raise fault(path, key, f"{told}; give a positive number of {what}, {least:g} to {most:g}")
@@ -164,7 +164,7 @@ def _background(path: Path, where: str, key: str, value: Any, frames: Frames, sh
 
 
 def _some(frames: Frames) -> Iterator[UInt8[np.ndarray, "h w 3"]]:
-    """Images spread over all."""
+    """Images spread over the whole view."""
     first, last = frames.span
     for chosen in np.unique(np.linspace(first, last, min(_SAMPLES, last - first + 1)).astype(int)).tolist():
         image = frames.read(chosen)

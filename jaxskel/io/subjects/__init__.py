@@ -1,4 +1,7 @@
-"""The subject's dimensions and flesh as a TOML file."""
+"""Subjects on disk: a TOML file with the dimensions of a person's skeleton and flesh (m).
+
+In: the file. Out: a `Skeleton` (`read_subject`) or a body model (`read_body`), and back.
+"""
 
 from ._subject import read_body as read_body
 from ._subject import read_subject as read_subject

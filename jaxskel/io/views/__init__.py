@@ -1,4 +1,8 @@
-"""Views: where a camera's images come from, what a silhouette is in them, and which of them belong to a frame."""
+"""Views: one camera's images and the rule that makes silhouettes of them (silhouettes are the input of the paper).
+
+In: folders of images, videos, or arrays of masks. Out: a `View`, which gives the silhouette of each frame of the
+recording, and a `MaskRule`, which says which values of a mask are the person.
+"""
 
 from ._cut_out import CutOut as CutOut
 from ._cut_out import in_colour as in_colour

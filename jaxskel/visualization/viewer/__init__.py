@@ -1,4 +1,7 @@
-"""An interactive 3D view of a recording over time, in the viewer of the package rerun, an extra."""
+"""The viewer: an interactive 3D view of a recording over time.
+
+In: a recording and its poses. Out: a window, or a file, of the optional package rerun.
+"""
 
 from ._log import log_recording as log_recording
 from ._show import has_display as has_display
