@@ -1,6 +1,11 @@
 import gc
 import os
 import signal
+from pathlib import Path
+
+# LLVM's first level of optimisation takes a sixth less of the time of tracing and compiling than the second, and what it
+# makes runs as fast. JAX reads this when it makes its backend; processes that tests start inherit it.
+os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=1")
 
 import jax
 import pytest
@@ -22,10 +27,40 @@ def no_silent_broadcasting():
     jax.config.update("jax_numpy_rank_promotion", "raise")
 
 
+# Rooms and files whose programs are compiled for longer than they run.
+HARDLY_RUN = {"refinement", "body_calibration", "test_table.py", "test_soft_carve.py"}
+
+
+@pytest.fixture(autouse=True, scope="module")
+def compiled_only_to_run_once(request: pytest.FixtureRequest):
+    """Without LLVM's optimisations a solve is compiled in half of the time, but runs six times as long."""
+    hardly = bool(HARDLY_RUN & set(request.path.parts))
+    jax.config.update("jax_disable_most_optimizations", hardly)
+    yield
+    jax.config.update("jax_disable_most_optimizations", False)
+
+
+# Of the 65530 mappings that Linux allows a process. The rest is for the tests of one more file.
+MOST_MAPPINGS = 25_000
+
+
+def mappings() -> int:
+    """Of this process; where the system does not tell, as many as may be."""
+    try:
+        return Path("/proc/self/maps").read_bytes().count(b"\n")
+    except OSError:
+        return MOST_MAPPINGS
+
+
 @pytest.fixture(autouse=True, scope="module")
 def no_more_programs_than_a_process_may_hold():
-    """A compiled function maps pages of its own; a suite that keeps thousands meets the kernel's limit and aborts."""
+    """A compiled function maps pages of its own; a suite that keeps thousands meets the kernel's limit and aborts.
+
+    Until then the next file finds compiled what it shares with those before.
+    """
     yield
+    if mappings() < MOST_MAPPINGS:
+        return
     jax.clear_caches()
     for kept in (thing for thing in gc.get_objects() if isinstance(thing, CachedJit)):
         kept.forget()

@@ -53,7 +53,7 @@ def run(main: Callable[[], None], monkeypatch: pytest.MonkeyPatch, *arguments: o
 
 def test_scripts_run_on_four_frames(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    # Of nine cameras eight are left, as many as elsewhere in the tests: nothing is compiled for another number.
+    # Eight of nine cameras: what eight views are reconstructed by is compiled once for all scripts.
     write_recording(tmp_path / "scene.npz", make_scene(4, cameras=camera_ring(9)))
     condition = ["--cameras", "0,1,2,3,4,5,6,7", "--step", "2"]
     run(accuracy.main, monkeypatch, "scene.npz", *condition, "--output", "all.json")

@@ -75,7 +75,8 @@ def test_quadrics_have_the_slope_of_finite_differences(scene, kind):
     with jax.enable_x64(True):
         observed, body = (doubled(tree) for tree in (observed, scene.body))
 
-        def far(step: float) -> tuple[jax.Array, jax.Array]:
+        @jax.jit
+        def far(step: jax.Array) -> tuple[jax.Array, jax.Array]:
             grown = eqx.tree_at(lambda b: b.radii, body, body.radii + step * growth)
             placed = place(body.skeleton, Pose(pose.root + step * shift, pose.rotations))
             if kind == "contours":
@@ -107,13 +108,14 @@ def test_balls_move_with_the_unknowns_as_finite_differences_say(scene):
     with jax.enable_x64(True):
         pose = jax.tree.map(lambda a: jnp.asarray(a[0], jnp.float64), poses)
 
-        def balls(step: float) -> np.ndarray:
+        @jax.jit
+        def balls(step: jax.Array) -> jax.Array:
             body = shaped_body(ADULT, Shape.of(jnp.asarray(shape.vector, jnp.float64) + step * direction[42:]))
             placed = place(body.skeleton, HINGED.retract(jnp.asarray(step * direction[:42]), pose, body.skeleton))
             centres = ball_centres(body, placed.origins, placed.rotations)
-            return np.concatenate([centres, np.asarray(body.radii)[:, None]], 1)
+            return jnp.concatenate([centres, jnp.asarray(body.radii)[:, None]], 1)
 
-        expected = (balls(1e-4) - balls(-1e-4)) / 2e-4
+        expected = np.asarray(balls(1e-4) - balls(-1e-4)) / 2e-4
     np.testing.assert_allclose(np.asarray(linear.balls[0]) @ direction, expected, atol=1e-3)
 
 

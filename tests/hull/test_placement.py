@@ -63,7 +63,7 @@ def test_grid_contains_the_body(body):
     assert (grid.upper - np.asarray(grid.origin) < span + 0.7).all()
 
 
-@pytest.mark.parametrize("height", [36, 48, 60, 80])
+@pytest.mark.parametrize("height", [36, 80])
 @pytest.mark.parametrize(
     "body", [person(), person(0.3, -0.2), person(arm=(0.0, 1.0, 0.0)), person(arm=(0.0, 0.3, 0.95))]
 )
@@ -76,7 +76,7 @@ def test_in_images_of_any_size_the_grid_contains_the_body_and_the_hull_of_it(hei
     assert grid is not None
     assert contains(grid, body)
     # What is carved in a box that is large enough for anybody does not reach its edge either.
-    room = make_grid(np.array([-1.6, -1.6, -0.6]), np.array([1.6, 1.6, 2.6]), SPACING)
+    room = make_grid(np.array([-1.0, -1.6, -0.6]), np.array([1.0, 1.6, 2.6]), SPACING)
     hulls = carve(silhouettes, projection_table(cameras, room, *inside.shape[1:], 3))
     bodies = find_bodies(hulls)
     largest = bodies.voxels_of(0) == np.argmax(bodies.sizes)

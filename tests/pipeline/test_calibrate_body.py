@@ -118,10 +118,10 @@ def test_settings_without_a_search_are_refused(filmed):
 
 @needs(SEQUENCE)
 def test_a_realistic_body_from_a_template_that_is_too_tall():
-    recording = read_recording(SEQUENCE)[::3]
+    recording = read_recording(SEQUENCE)[::5]
     true = recording.skeleton
     assert true is not None
-    found = calibrate_body(recording, skeleton=default_adult(1.08 * true.stature), frames=20)
+    found = calibrate_body(recording, skeleton=default_adult(1.08 * true.stature), frames=12)
     off = np.abs(found.skeleton.bone_lengths / true.bone_lengths - 1)
     assert off.max() < 0.06
     assert jax.tree.all(jax.tree.map(lambda a: bool(np.isfinite(a).all()), found.body))

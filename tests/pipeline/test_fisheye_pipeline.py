@@ -197,9 +197,9 @@ def test_a_board_tells_where_fisheye_cameras_are(tmp_path):
 
 
 def near_ring(lens: list[float] | None) -> Cameras:
-    """Eight views from 2 m, of the same scale at the middle of the image."""
-    rig = camera_ring(8, 2.0, (800, 800))
-    K = np.tile([[260.0, 0, 399.5], [0, 260, 399.5], [0, 0, 1]], (8, 1, 1))
+    """Eight views from 2 m, of the same scale at the middle of the image, as large as those of `test_pipeline`."""
+    rig = camera_ring(8, 2.0, (640, 480))
+    K = np.tile([[156.0, 0, 319.5], [0, 156, 239.5], [0, 0, 1]], (8, 1, 1))
     dist = None if lens is None else np.tile(lens, (8, 1))
     return make_cameras(K, rig.R, rig.t, rig.size, dist, fisheye=lens is not None)
 

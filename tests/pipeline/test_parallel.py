@@ -21,11 +21,11 @@ from jaxskel import (
 )
 from jaxskel.pipeline import _parallel as parallel
 from jaxskel.search import Track
-from jaxskel.synthetic import make_scene
+from jaxskel.synthetic import camera_ring, make_scene
 
 
 def test_two_processes_give_what_one_gives():
-    scene = make_scene(70)  # three batches
+    scene = make_scene(70, cameras=camera_ring(4, size=(160, 120)))  # three batches
     settings = paper_settings()
     alone = join_poses(reconstruct_batches(scene, settings))
     together = join_poses(reconstruct_parallel(scene, 2, settings))
@@ -36,7 +36,7 @@ def test_two_processes_give_what_one_gives():
 
 def test_no_jobs_are_refused():
     with pytest.raises(ValueError, match="0 jobs: give at least one"):
-        next(reconstruct_parallel(make_scene(2), 0))
+        next(reconstruct_parallel(make_scene(2, cameras=camera_ring(3, size=(160, 120))), 0))
 
 
 def test_frames_that_are_followed_stay_together():
@@ -48,7 +48,7 @@ def test_frames_that_are_followed_stay_together():
 
 
 def test_batches_come_in_order_and_tracks_are_handed_on(monkeypatch):
-    scene = make_scene(200)
+    scene = make_scene(200, cameras=camera_ring(4, size=(160, 120)))
     first = {scene.silhouettes[start].tobytes(): start for start in range(0, 200, 32)}
     followed = []
     somewhere = Pose(np.zeros(3), np.tile(np.eye(3), (17, 1, 1)))

@@ -122,7 +122,7 @@ def test_the_derivative_is_finite_differences(name, at):
         unknowns = spread * jnp.asarray(np.random.default_rng(0).normal(size=count))
         check_grads(body, (unknowns,), order=1, modes=("fwd", "rev"), atol=1e-6, rtol=1e-6, eps=1e-5)
         # Every unknown moves or turns something, none by more than it should.
-        moved = np.abs(np.asarray(jax.jacfwd(lambda u: body(u).rotations)(unknowns)[..., 3:])).max((0, 1, 2))
+        moved = np.abs(np.asarray(jax.jit(jax.jacfwd(lambda u: body(u).rotations))(unknowns)[..., 3:])).max((0, 1, 2))
         assert moved.min() > 0.3
         assert moved.max() < 2.0
 
@@ -137,7 +137,7 @@ def test_what_the_unknowns_reach_depends_on_base_and_template_too(name):
         lambda given: place(given[2], parametrisation.retract(*given)),
     ):
         given = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), (unknowns, free_pose(5), ADULT))
-        ends.append(jax.jacrev(lambda given, body=body: body(given).joints[5])(given))
+        ends.append(jax.jit(jax.jacrev(lambda given, body=body: body(given).joints[5]))(given))
     for one, other in zip(*map(jax.tree.leaves, ends), strict=True):
         np.testing.assert_allclose(one, other, atol=1e-5)
     assert all(np.abs(leaf).max() > 0.1 for leaf in jax.tree.leaves(ends[0][:2]))
@@ -157,7 +157,7 @@ def test_nearby_is_the_pose_to_first_order():
         ]
         assert apart[0] > 1e-2
         np.testing.assert_allclose(apart[1], apart[0] / 100, rtol=0.3)
-        exact, cheap = (jax.tree.leaves(jax.jacfwd(of)(0 * unknowns)) for of in (pose, nearby))
+        exact, cheap = (jax.tree.leaves(jax.jit(jax.jacfwd(of))(0 * unknowns)) for of in (pose, nearby))
         for one, other in zip(exact, cheap, strict=True):
             np.testing.assert_allclose(other, one, atol=1e-9)
 
@@ -167,7 +167,7 @@ def test_motion_is_the_derivative_of_the_placed_body():
     with jax.enable_x64(True):
         base, skeleton = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), (free_pose(5), ADULT))
         body = jax.tree.map(lambda a: jnp.asarray(a, jnp.float64), make_body(ADULT))
-        placed = place(skeleton, base)
+        placed = jax.jit(place)(skeleton, base)
         motion = hinged.motion(base, placed, skeleton)
         expected = jax.jit(jax.jacfwd(lambda u: place(skeleton, hinged.retract(u, base, skeleton))))(jnp.zeros(42))
         for name in ("joints", "tips", "rotations", "origins"):
@@ -195,7 +195,7 @@ def test_no_two_unknowns_do_the_same(name):
         return jnp.concatenate([leaf.ravel() for leaf in jax.tree.leaves(placed)])
 
     base = jax.tree.map(jnp.asarray, pose_of(1))
-    singular = np.linalg.svd(np.asarray(jax.jacfwd(body)(parametrisation.unknowns())), compute_uv=False)
+    singular = np.linalg.svd(np.asarray(jax.jit(jax.jacfwd(body))(parametrisation.unknowns())), compute_uv=False)
     assert singular.shape == (count,)
     assert singular.min() > 0.1
 
