@@ -3,18 +3,14 @@ import os
 import signal
 from pathlib import Path
 
-# LLVM's first level of optimisation takes a sixth less of the time of tracing and compiling than the second, and what it
-# makes runs as fast. JAX reads this when it makes its backend; processes that tests start inherit it.
+# At LLVM's first level of optimisation, tracing and compiling take a sixth less time than at the second, and programs
+# run as fast. JAX reads this when it makes its backend; processes that tests start inherit it.
 os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=1")
 
 import jax
 import pytest
 
 from jaxskel._runtime.compile_cache import CachedJit
-
-# The suite compiles for half of its time. Without LLVM's expensive passes it compiles a quarter faster (measured on
-# tests/refinement/test_sequence.py: 108 s, then 83 s), and what it computes is small.
-os.environ.setdefault("XLA_FLAGS", "--xla_llvm_disable_expensive_passes=true")
 
 # A shell that starts a job in the background lets it ignore interrupts, and all that the job starts.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

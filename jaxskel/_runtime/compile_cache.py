@@ -38,7 +38,10 @@ _LIBRARIES = ("jax", "jaxlib", "equinox", "optimistix", "lineax", "numpy")
 # In these modules, a name stands for the same object in every process, as long as the versions are the same.
 _KNOWN = (str(__package__).partition(".")[0], *_LIBRARIES, "builtins", "copyreg", "functools", "collections", "enum")
 # JAX settings that change what is compiled.
-_SWITCHES = ("jax_enable_x64", "jax_default_matmul_precision", "jax_debug_nans", "jax_numpy_dtype_promotion")
+_SWITCHES = (
+    "jax_enable_x64", "jax_default_matmul_precision", "jax_debug_nans", "jax_numpy_dtype_promotion",
+    "jax_disable_most_optimizations",
+)  # fmt: skip
 
 
 class CachedJit(Generic[P, R]):

@@ -13,6 +13,7 @@ from ._size_choices import Choice, Size, choices_for
 
 # A choice wins if another's median miss (px) is larger by this factor and by this much, a difference that pixels alone
 # can make, and if chance does not explain the larger misses (standard deviations of the mean ratio).
+_CLEARLY, _PIXELS, _SIGMAS = 1.15, 0.03, 2.5
 # With fewer tangents than this there is no decision.
 _LEAST_TANGENTS = 20
 # Epipolar tangent planes of agreeing silhouettes miss each other by less than this share of a person's height, even
