@@ -4,6 +4,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+
 from support.calibration_files import Format, Rig
 
 # How three people name the parts of a camera that they write with OpenCV's FileStorage.

@@ -2,9 +2,9 @@
 
 import cv2
 import numpy as np
-from support.phantoms import ring
 
 from jaxskel import Cameras, make_cameras
+from support.phantoms import ring
 
 FISHEYES = {
     "equidistant": [0.0, 0.0, 0.0, 0.0],

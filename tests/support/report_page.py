@@ -6,11 +6,11 @@ import re
 
 import equinox as eqx
 import numpy as np
-from support.phantoms import ring
 
 from jaxskel import Poses, Recording
 from jaxskel.poses import Status
 from jaxskel.synthetic import make_scene
+from support.phantoms import ring
 
 FRAMES = 12
 LOST = 4

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from support.perturbed_rigs import body
-from support.phantoms import film, ring
 
 from jaxskel import Cameras, make_cameras, unpack_silhouettes
 from jaxskel.io.calibrations import write_pose2sim_calibration
+from support.perturbed_rigs import body
+from support.phantoms import film, ring
 
 VIEWS, FRAMES = 5, 3
 SIZE = (256, 192)

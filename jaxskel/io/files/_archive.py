@@ -1,7 +1,7 @@
-"""Arrays out of an `.npz` archive that may come from anywhere.
+"""Reads arrays of untrusted `.npz` archives.
 
-Its claims are checked against its bytes before memory is taken for them, pickled objects are never read, and
-every fault is a `ValueError` of one line that names file and key and how to mend it.
+Their claims are checked against their bytes before memory is allocated, pickled objects are never read, and every
+fault is a `ValueError` of one line that names the file, the key and how to mend it.
 """
 
 import io
@@ -18,19 +18,18 @@ import numpy as np
 from ._bounded import open_regular
 from ._errors import fault as fault
 
-# Joints and tips of ten hours at 30 frames a second, and not what a small file unpacks to.
+# Largest total size of the arrays: joints and tips of ten hours at 30 frames per second fit.
 _MAX_BYTES = 2**28
-# The text before an array's numbers; NumPy writes some 100 bytes and refuses more than 10 000.
+# Largest size of an array's header (bytes); NumPy writes some 100 bytes and refuses more than 10 000.
 _HEADER = 20_000
 # Deflate cannot shrink data further than this; a member that claims more lies about its size.
 _MAX_DEFLATE_RATIO = 1032
-# No length (m), focal length (px) or lens coefficient comes near this; refusing it keeps later squares
-# finite.
+# No length (m), focal length (px) or lens coefficient comes near this; refusing it keeps later squares finite.
 _MAX_NUMBER = 1e9
 
 
 def texts(path: Path, arrays: dict[str, np.ndarray], key: str) -> list[str]:
-    """The strings of an array of at most one dimension."""
+    """The strings of an array with at most one dimension."""
     array = arrays[key]
     if array.dtype.kind != "U" or array.ndim > 1:
         raise fault(path, key, f"{array.dtype} of shape {array.shape}; give text")
@@ -42,7 +41,7 @@ def texts(path: Path, arrays: dict[str, np.ndarray], key: str) -> list[str]:
 
 
 def _is_text(array: np.ndarray) -> bool:
-    """Whether all numbers that stand for characters do: of others NumPy makes texts that are none, or raises."""
+    """Whether all code points are valid; from others NumPy makes invalid strings, or raises."""
     order = array.dtype.str[0]
     points = np.frombuffer(array.tobytes() or bytes(4), f"{order}u4")
     return not ((points > 0x10FFFF) | ((points >= 0xD800) & (points <= 0xDFFF))).any()
@@ -55,7 +54,7 @@ def numbers(
     shape: tuple[int | None, ...] | None,
     nan: bool = False,
 ) -> np.ndarray:
-    """The real numbers of an array of the given shape (None: any), in float64."""
+    """The real numbers of an array of the given shape (None matches any length or shape), as float64."""
     array = arrays[key]
     if array.dtype.kind not in "iuf":
         raise fault(path, key, f"holds {array.dtype}; give numbers")
@@ -76,7 +75,7 @@ def numbers(
 
 
 def switches(path: Path, arrays: dict[str, np.ndarray], key: str, count: int) -> np.ndarray:
-    """So many values, each true or false; numbers are taken that are 1 or 0."""
+    """An array of `count` values, each true or false; the numbers 1 and 0 are accepted."""
     array = arrays[key]
     if array.dtype.kind not in "biu" or array.shape != (count,) or not np.isin(array, (0, 1)).all():
         raise fault(path, key, f"holds {array.dtype} of shape {array.shape}; give ({count},) values, true or false")
@@ -84,7 +83,7 @@ def switches(path: Path, arrays: dict[str, np.ndarray], key: str, count: int) ->
 
 
 def short(array: np.ndarray) -> str:
-    """A value for a message: itself where it is single, otherwise its kind."""
+    """A value for a message: itself if it is single, otherwise its shape and type."""
     is_shown = array.size == 1 and (array.dtype.kind != "U" or _is_text(array))
     return reprlib.repr(array.reshape(()).item()) if is_shown else f"{array.dtype} of shape {array.shape}"
 
@@ -92,13 +91,13 @@ def short(array: np.ndarray) -> str:
 def read_arrays(
     path: Path, required: tuple[str, ...], optional: tuple[str, ...], most: int = _MAX_BYTES
 ) -> dict[str, np.ndarray]:
-    """Read the named arrays of an `.npz` archive, checking what they claim against what is there.
+    """Read the named arrays of an `.npz` archive, checking what they claim against the actual bytes.
 
     Args:
         path: The file.
         required: Arrays that must be there.
         optional: Arrays that may be there.
-        most: The greatest length of all together (bytes).
+        most: Largest total size of the arrays (bytes).
 
     Raises:
         ValueError: One line that names the file, the key and how to mend it.
@@ -125,25 +124,25 @@ def read_arrays(
 
 
 def keys_of(path: Path) -> list[str]:
-    """The arrays that an archive names."""
+    """The names of an archive's arrays."""
     with _opened(path) as archive:
         return list(_named(archive))
 
 
 def shape_of(path: Path, key: str) -> tuple[int, ...]:
-    """The shape that an array claims, checked against the bytes that are there."""
+    """The shape that an array claims, checked against the actual bytes."""
     with _opened(path) as archive:
         return _header(path, key, archive, _members(path, archive, (key,), ())[key])[1]
 
 
 class StoredRows:
-    """An array that stays in its archive, of which some rows at a time are read.
+    """An array that stays in its archive, from which some rows at a time are read.
 
-    To go back is to start again from the beginning: compressed bytes only go forwards.
+    Reading an earlier row starts again at the beginning, because a compressed stream only goes forwards.
     """
 
     def __init__(self, path: Path, key: str):
-        """Check what the array claims against what is there."""
+        """Check what the array claims against the actual bytes."""
         self.path, self.key = path, key
         self._open: ExitStack = ExitStack()
         self._stream: IO[bytes] | None = None
@@ -181,7 +180,7 @@ def _opened(path: Path) -> Iterator[zipfile.ZipFile]:
             archive = zipfile.ZipFile(file)
         except OSError as error:
             raise fault(path, None, f"cannot be opened ({error.strerror or error}); check the path") from None
-        except Exception:  # zipfile raises a dozen kinds on hostile bytes
+        except Exception:  # zipfile raises a dozen kinds of exception on hostile bytes
             raise fault(
                 path,
                 None,
@@ -208,7 +207,7 @@ def _named(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
 def _header(
     path: Path, key: str, archive: zipfile.ZipFile, info: zipfile.ZipInfo
 ) -> tuple[int, tuple[int, ...], bool, np.dtype]:
-    """Where an array's numbers begin, its shape, whether it is stored by columns, its type; all of it checked."""
+    """Offset of an array's numbers, its shape, whether it is in Fortran order, and its type; all checked."""
     ratio = {zipfile.ZIP_STORED: 1, zipfile.ZIP_DEFLATED: _MAX_DEFLATE_RATIO}.get(info.compress_type)
     if ratio is None:
         raise fault(path, key, "is compressed in an unknown way; write it with numpy.savez_compressed")

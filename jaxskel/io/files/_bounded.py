@@ -1,7 +1,7 @@
-"""Files that may be anything, of any size.
+"""Opens files that may be anything, of any size.
 
-Every file that a user names, or that stands in a folder of theirs, is opened here: what is no regular file is refused
-before a byte of it is read, because to read from a FIFO, a terminal or a device may take for ever.
+Every file that a user names, or that lies in one of their folders, is opened here. Anything but a regular file is
+refused before a byte is read, because reading a FIFO, a terminal or a device may block for ever.
 """
 
 import os
@@ -11,7 +11,7 @@ from typing import BinaryIO
 
 from ._errors import fault
 
-# A square of 8192 px: twice what the largest video cameras have.
+# Largest image (px): a square of 8192 px, twice what the largest video cameras have.
 MOST_PIXELS = 2**26
 _PAGE = 1 << 16
 
@@ -25,7 +25,7 @@ _KINDS = (
 
 
 def check_pixels(path: Path, width: int, height: int, key: str | None = None) -> None:
-    """Refuse images (px) that would fill the memory.
+    """Refuse an image size (px) that would fill the memory.
 
     Raises:
         ValueError: One line that names the file, the key and how to mend it.
@@ -38,7 +38,7 @@ def check_pixels(path: Path, width: int, height: int, key: str | None = None) ->
 
 
 def check_regular(path: Path) -> None:
-    """Refuse what is no regular file, nor a link to one, without opening it: for readers that open it themselves.
+    """Refuse anything but a regular file or a link to one, without opening it, for readers that open it themselves.
 
     Raises:
         ValueError: One line that names the file and how to mend it.
@@ -47,18 +47,18 @@ def check_regular(path: Path) -> None:
         mode = os.stat(path).st_mode
     except OSError as error:
         raise _unopened(path, error) from None
-    except ValueError:  # a path with a zero in it
+    except ValueError:  # a path with a null character
         raise fault(path, None, "is not a path; check it") from None
     _check_kind(path, mode)
 
 
 def open_regular(path: Path) -> BinaryIO:
-    """Open a regular file, or a link to one, for reading. It never waits, whatever the path leads to.
+    """Open a regular file, or a link to one, for reading; never block, whatever the path leads to.
 
     Raises:
         ValueError: One line that names the file and how to mend it.
     """
-    # Some devices act when they are opened. What was changed since is looked at again, by the descriptor.
+    # Opening some devices has side effects, so check first; the descriptor is checked again, since the path may change.
     check_regular(path)
     try:
         file = open(path, "rb", opener=_at_once)
@@ -73,18 +73,18 @@ def open_regular(path: Path) -> BinaryIO:
 
 
 def read_bounded(path: Path, most: int, wanted: str) -> bytes:
-    """The content of a file, which is never longer than `most` bytes.
+    """The content of a file that has at most `most` bytes.
 
     Args:
         path: The file.
-        most: The greatest length (bytes); no more is read.
+        most: Largest size (bytes); no more is read.
         wanted: What the file should be, for messages.
 
     Raises:
         ValueError: One line that names the file and how to mend it.
     """
     with open_regular(path) as file:
-        # Memory is taken for what there is. Files of /proc say 0.
+        # Allocate for the actual size. Files of /proc state 0.
         there = min(most, max(os.fstat(file.fileno()).st_size, _PAGE))
         try:
             content = file.read(there + 1)

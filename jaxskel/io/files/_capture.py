@@ -1,4 +1,4 @@
-"""Videos that may come from anywhere: what they claim is looked at before their frames are decoded."""
+"""Opens untrusted videos: their headers are checked before a frame is decoded."""
 
 import re
 import struct
@@ -11,19 +11,19 @@ from jaxtyping import UInt8
 from ._bounded import check_pixels, check_regular, open_regular
 from ._errors import fault
 
-# Boxes of an MP4 or MOV that say how many samples there are without a byte for each.
+# Boxes of an MP4 or MOV that state a number of samples without a byte for each.
 _COUNTS = re.compile(rb"stsz.{8}(.{4})|trun.{4}(.{4})", re.DOTALL)
-# A header that was packed, which nobody has written for decades: it unpacks to a thousand times its size.
+# A compressed header, which no program has written for decades, expands to a thousand times its size.
 _PACKED = b"cmvd"
-# The header of a day takes less; what is read of other boxes is of no use.
+# Largest header that is read (bytes): that of a video of a day is smaller.
 _HEADER = 64_000_000
 
 
 def opened(path: Path) -> cv2.VideoCapture:
-    """Open a video, before its first frame.
+    """Open a video, positioned before its first frame.
 
     Raises:
-        ValueError: One line, where the file is no video, or claims what would fill the memory.
+        ValueError: One line, if the file is no video, or claims sizes that would fill the memory.
     """
     check_regular(path)
     try:
@@ -43,7 +43,7 @@ def size_of(capture: cv2.VideoCapture) -> tuple[int, int]:
 
 
 def grab(capture: cv2.VideoCapture) -> bool:
-    """Go to the next frame, if there is one that can be read: on hostile bytes OpenCV raises."""
+    """Advance to the next frame and return whether one could be read; on hostile bytes OpenCV raises."""
     try:
         return capture.grab()
     except cv2.error:
@@ -51,7 +51,7 @@ def grab(capture: cv2.VideoCapture) -> bool:
 
 
 def retrieve(capture: cv2.VideoCapture) -> UInt8[np.ndarray, "h w 3"] | None:
-    """The frame that was gone to, if it can be decoded."""
+    """Decode the frame last grabbed; None if that fails."""
     try:
         there, image = capture.retrieve()
     except cv2.error:
@@ -60,7 +60,7 @@ def retrieve(capture: cv2.VideoCapture) -> UInt8[np.ndarray, "h w 3"] | None:
 
 
 def _check_counts(path: Path) -> None:
-    """Refuse an MP4 or MOV with more samples than bytes: FFmpeg takes memory for what is claimed."""
+    """Refuse an MP4 or MOV that claims more samples than bytes: FFmpeg allocates for what is claimed."""
     length, place = path.stat().st_size, 0
     with open_regular(path) as file:
         while place + 8 <= length:
@@ -70,7 +70,7 @@ def _check_counts(path: Path) -> None:
             if size == 1:
                 (size,) = struct.unpack(">Q", file.read(8).ljust(8, b"\0"))
                 begin += 8
-            # To the end of the file: so it is stated, or it is cut short, or another format.
+            # The box reaches to the end of the file: stated so, or truncated, or the file has another format.
             stop = length if size < 8 or place + size > length else place + size
             if kind != b"mdat" and kind.isalpha() and kind.islower():
                 _check_header(path, file.read(min(stop - begin, _HEADER)), length)

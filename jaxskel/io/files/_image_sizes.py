@@ -4,22 +4,23 @@ import re
 import struct
 from collections.abc import Callable, Iterator
 
-# What decides how large a TIFF's image is, or its tiles, and a pixel of them.
+# TIFF tags that decide the size of the image or its tiles, and of a pixel.
 _WIDTHS, _HEIGHTS, _BITS = (256, 322), (257, 323), 258
 _TIFF_TYPES = {1: "B", 3: "H", 4: "I", 16: "Q"}
-# A progressive JPEG is a dozen scans; each goes through all of the image, however few bytes it has.
+# Largest number of scans of a progressive JPEG; a usual one has a dozen. Each scan decodes the whole image, however few
+# bytes it has.
 _MOST_SCANS = 100
 
 
 class NotAnImage(Exception):
-    """What is no image of the formats that are known here; the text says why, where it is known."""
+    """The file is not an image of a known format; the text says why, if that is known."""
 
 
 def claimed_size(content: bytes) -> tuple[int, int]:
-    """Width and height (px) that a header claims; of several claims, the largest.
+    """Width and height (px) that a header claims; the largest if there are several claims.
 
     Raises:
-        NotAnImage: Also `struct.error` and `OverflowError`, where the header is cut short.
+        NotAnImage: The content is no known image. A truncated header may also raise `struct.error` and `OverflowError`.
     """
     for start, size in _SIZES.items():
         if content.startswith(start):
@@ -28,13 +29,13 @@ def claimed_size(content: bytes) -> tuple[int, int]:
 
 
 def is_known(start: bytes) -> bool:
-    """Whether a file with these first 12 bytes is of a format that is known here."""
-    # An AVI is a RIFF, too.
+    """Whether a file with these first 12 bytes has a known format."""
+    # AVI files are RIFF files too.
     return start.startswith(tuple(_SIZES)) and (not start.startswith(_RIFF) or start[8:12] == b"WEBP")
 
 
 def may_be_indexed(content: bytes) -> bool:
-    """Whether an image may hold indices of a palette."""
+    """Whether an image may hold palette indices."""
     if content.startswith(_PNG):
         return content[25:26] == b"\x03"
     if content.startswith(_BMP):
@@ -48,7 +49,7 @@ def is_gif(content: bytes) -> bool:
 
 
 def is_lossless(content: bytes) -> bool:
-    """Whether pixels are as they were written: a 1 is a 1, and an edge is sharp."""
+    """Whether the format keeps pixel values exactly, so that labels and sharp edges survive."""
     if content.startswith(_RIFF):
         return any(kind == b"VP8L" for kind, _ in _webp_chunks(content))
     return not content.startswith(_JPEG)
@@ -56,7 +57,7 @@ def is_lossless(content: bytes) -> bool:
 
 def _size_of_png(content: bytes) -> tuple[int, int]:
     place, kind = len(_PNG), b""
-    # OpenCV takes memory for as much as a chunk claims.
+    # OpenCV allocates as much as a chunk claims.
     while kind != b"IEND":
         length, kind = struct.unpack_from(">I4s", content, place)
         place += 12 + length
@@ -69,19 +70,19 @@ def _size_of_jpeg(content: bytes) -> tuple[int, int]:
     if content.count(b"\xff\xda") > _MOST_SCANS:
         raise NotAnImage
     place = 2
-    # Decoders skip what stands between the segments.
+    # Decoders skip bytes between the segments.
     while (marker := re.compile(rb"\xff+([^\x00\xff])").search(content, place)) is not None:
         kind, place = marker[1][0], marker.end()
         if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC):
             height, width = struct.unpack_from(">HH", content, place + 3)
             return width, height
-        if kind != 0x01 and not 0xD0 <= kind <= 0xD7:  # these two stand alone
+        if kind != 0x01 and not 0xD0 <= kind <= 0xD7:  # these markers have no length
             place += struct.unpack_from(">H", content, place)[0]
     raise NotAnImage
 
 
 def _size_of_tiff(content: bytes) -> tuple[int, int]:
-    """Of the first image: the larger of itself and its tiles, into which it is decoded."""
+    """Width and height (px) of the first image, or of its tiles if larger, since decoding allocates whole tiles."""
     order, is_big = "<>"[content[0] == ord("M")], 43 in content[2:4]
     number, count, entry = ("Q", "Q", 20) if is_big else ("I", "H", 12)
     (first,) = struct.unpack_from(order + number, content, 8 if is_big else 4)
@@ -114,7 +115,7 @@ def _size_of_bmp(content: bytes) -> tuple[int, int]:
 
 
 def _size_of_webp(content: bytes) -> tuple[int, int]:
-    """Of the canvas and the image: https://developers.google.com/speed/webp/docs/riff_container."""
+    """The larger of canvas and image (px): https://developers.google.com/speed/webp/docs/riff_container."""
     width, height = 0, 0
     for kind, place in _webp_chunks(content):
         if kind == b"ANIM":
@@ -134,7 +135,7 @@ def _size_of_webp(content: bytes) -> tuple[int, int]:
 
 
 def _webp_chunks(content: bytes) -> Iterator[tuple[bytes, int]]:
-    """What each chunk is, and where its content begins."""
+    """The kind of each chunk, and the offset of its content."""
     if content[8:12] != b"WEBP":
         raise NotAnImage
     place = 12
@@ -145,7 +146,7 @@ def _webp_chunks(content: bytes) -> Iterator[tuple[bytes, int]]:
 
 
 def _size_of_pnm(content: bytes) -> tuple[int, int]:
-    """Of PBM, PGM and PPM, as text or not: https://netpbm.sourceforge.net/doc/pnm.html."""
+    """Size (px) of PBM, PGM and PPM, in text or binary form: https://netpbm.sourceforge.net/doc/pnm.html."""
     header = re.match(rb"P[1-6](?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,9})\s", content[:4000])
     if header is None:
         raise NotAnImage
@@ -153,7 +154,7 @@ def _size_of_pnm(content: bytes) -> tuple[int, int]:
 
 
 def _size_of_gif(content: bytes) -> tuple[int, int]:
-    """Of the screen on which its images are drawn."""
+    """Size (px) of the screen on which its images are drawn."""
     return struct.unpack_from("<HH", content, 6)
 
 

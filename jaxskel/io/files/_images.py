@@ -1,4 +1,4 @@
-"""Images out of files that may come from anywhere: their size is known before memory is taken for their pixels."""
+"""Reads untrusted images: their size is checked before memory is allocated for their pixels."""
 
 import io
 import struct
@@ -16,27 +16,27 @@ from ._bounded import check_pixels, open_regular, read_bounded
 from ._errors import fault
 from ._image_sizes import NotAnImage, claimed_size, is_gif, is_known, is_lossless, may_be_indexed
 
-# Of the most pixels, uncompressed, in three colours of 8 bits.
+# Largest file: the most pixels that are allowed, uncompressed, in three colours of 8 bits.
 _MOST_BYTES = 2**28
 _DAMAGED = "is no image that can be read; it is damaged or of another format: write it as PNG of 8 bits"
 
 
 @dataclass(frozen=True)
 class Indexed:
-    """An image that holds indices, and the colours that they stand for."""
+    """An image of palette indices, and the colours that they stand for."""
 
     indices: UInt8[np.ndarray, "h w"]
     palette: UInt8[np.ndarray, "colours 3"]
-    """Red, green and blue; there may be larger indices than colours."""
+    """Red, green and blue; indices may exceed the number of colours."""
     opacity: UInt8[np.ndarray, " some"]
-    """Of the first colours, how opaque they are; the others are wholly."""
+    """Opacity of the first colours; all others are opaque."""
 
 
 def read_image(path: Path, flags: int = cv2.IMREAD_UNCHANGED) -> Shaped[np.ndarray, "h w *channels"]:
-    """An image of 8 or 16 bits, as OpenCV reads it: grey, or blue, green, red, and alpha where there is any.
+    """Read an image of 8 or 16 bits with OpenCV's channels: grey, or blue, green, red, and alpha if present.
 
     Args:
-        path: PNG, BMP, TIFF, JPEG, WebP, GIF, PBM, PGM or PPM, by its content.
+        path: PNG, BMP, TIFF, JPEG, WebP, GIF, PBM, PGM or PPM file, recognised by its content.
         flags: OpenCV's, such as `cv2.IMREAD_COLOR`.
 
     Raises:
@@ -44,7 +44,7 @@ def read_image(path: Path, flags: int = cv2.IMREAD_UNCHANGED) -> Shaped[np.ndarr
     """
     content = _checked(path)
     try:
-        # OpenCV reads them since 4.11.
+        # OpenCV reads GIF only since 4.11.
         image = _in_colour(path, content) if is_gif(content) else cv2.imdecode(np.frombuffer(content, np.uint8), flags)
     except cv2.error:
         image = None
@@ -56,7 +56,7 @@ def read_image(path: Path, flags: int = cv2.IMREAD_UNCHANGED) -> Shaped[np.ndarr
 
 
 def read_indexed(path: Path) -> Indexed | None:
-    """An image as the indices of its palette; None where it has none.
+    """Read an image as its palette indices; None if it has no palette.
 
     Raises:
         ValueError: One line that names the file and how to mend it.
@@ -76,14 +76,14 @@ def read_indexed(path: Path) -> Indexed | None:
 
 
 def _opacity(transparent: Any) -> UInt8[np.ndarray, " some"]:
-    """Pillow gives a byte for each of the first colours, or the number of the only one that is transparent."""
+    """Opacity of the first colours; Pillow gives a byte for each, or the index of the only transparent colour."""
     if isinstance(transparent, int):
         return np.array([255] * transparent + [0], np.uint8)
     return np.frombuffer(transparent if isinstance(transparent, bytes) else b"", np.uint8)
 
 
 def keeps_values(path: Path) -> bool:
-    """Whether an image's pixels are as they were written: not so in a JPEG.
+    """Whether the image format keeps pixel values exactly, unlike JPEG.
 
     Raises:
         ValueError: One line that names the file and how to mend it.
@@ -92,7 +92,7 @@ def keeps_values(path: Path) -> bool:
 
 
 def is_picture(path: Path) -> bool:
-    """Whether a file begins as the images do that are read here."""
+    """Whether the first bytes of a file are those of a readable image format."""
     try:
         with open_regular(path) as file:
             return is_known(file.read(12) or b"")
@@ -101,7 +101,7 @@ def is_picture(path: Path) -> bool:
 
 
 def _checked(path: Path) -> bytes:
-    """The content of a file whose header claims no more pixels than are read."""
+    """The content of a file whose header claims no more pixels than allowed."""
     content = read_bounded(path, _MOST_BYTES, "an image")
     try:
         width, height = claimed_size(content)
@@ -114,12 +114,12 @@ def _checked(path: Path) -> bytes:
 
 
 def _opened(path: Path, content: bytes) -> Image.Image:
-    """An image whose header Pillow has read, no larger than OpenCV's would be."""
+    """An image opened by Pillow, whose size is checked as for OpenCV."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
             image = Image.open(io.BytesIO(content), formats=("PNG", "BMP", "TIFF", "GIF"))
-        except Exception:  # Pillow raises a dozen kinds on hostile bytes
+        except Exception:  # Pillow raises a dozen kinds of exception on hostile bytes
             raise fault(path, None, _DAMAGED) from None
     check_pixels(path, *image.size)
     return image

@@ -1,4 +1,4 @@
-"""Which files jaxskel wrote: only these are replaced where a command chooses the name itself."""
+"""Recognises files that jaxskel wrote: only these are replaced if a command chooses the name itself."""
 
 import re
 from pathlib import Path
@@ -8,12 +8,12 @@ from ._archive import keys_of
 from ._bounded import open_regular
 
 TOML_LINE = "# Written by jaxskel."
-"""First line of the TOML files that are written."""
+"""First line of the TOML files that jaxskel writes."""
 
 _POSES = {"joints", "tips", "confidence", "side_confidence", "status", "status_names", "frame_index"}
-# Only of the scene of `jaxskel demo`: other sequence files are somebody's recordings, whoever wrote them.
+# Only the scene of `jaxskel demo` has this key; other sequence files are recordings of the user, whoever wrote them.
 _NOTE = "made_by"
-# What the files begin with, by their suffix; those of earlier versions too, but for pictures and TOML.
+# First bytes of the files, by suffix; also those of earlier versions, except for pictures and TOML.
 _BEGINNINGS = {
     ".csv": re.compile(rb"frame_index,time_s,status,"),
     ".json": re.compile(rb'\{\s*"frames": \d+,\s*"frames_without_pose": '),
@@ -21,11 +21,11 @@ _BEGINNINGS = {
     ".toml": re.compile(re.escape(TOML_LINE.encode())),
     ".png": re.compile(rb"(?s)\x89PNG.*" + re.escape(SIGNATURE)),
 }
-_BEGINNING = 4096  # bytes
+_BEGINNING = 4096  # bytes that are read
 
 
 def is_ours(path: Path) -> bool:
-    """Whether a file holds what jaxskel writes under such a name."""
+    """Whether a file holds what jaxskel writes under this suffix."""
     try:
         if path.suffix == ".npz":
             keys = set(keys_of(path))

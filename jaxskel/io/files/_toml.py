@@ -1,4 +1,4 @@
-"""TOML that a person wrote by hand: every fault is a line that names file and key and how to mend it."""
+"""Reads TOML written by hand: every fault is one line that names the file, the key and how to mend it."""
 
 import difflib
 import json
@@ -11,19 +11,19 @@ from ._bounded import read_bounded
 from ._errors import fault
 
 MOST_BYTES = 100_000
-# The reader of TOML takes time by the square of the parts of a key, a.b.c: minutes, for a file that is nothing else.
-# Nobody's lines are longer, or hold more keys and numbers with a dot.
+# The TOML parser takes time quadratic in the parts of a key (a.b.c): minutes for a file made of nothing else. No line
+# written by hand is longer (characters), or has more keys and numbers with a dot.
 _LONGEST_LINE, _MOST_DOTS = 4000, 100
 
 
 def read_toml(path: Path, known: Iterable[str], wanted: str, example: str) -> dict[str, Any]:
-    """What a file says, its topmost keys checked.
+    """Read a TOML file and check its top-level keys.
 
     Args:
         path: The file.
-        known: The keys that it may have.
-        wanted: What the file is, for messages.
-        example: A line that such a file may hold, for messages.
+        known: Allowed keys.
+        wanted: What the file should hold, for messages.
+        example: A valid line of such a file, for messages.
     """
     content = read_bounded(path, MOST_BYTES, f"a TOML file with {wanted}")
     try:
@@ -37,7 +37,7 @@ def read_toml(path: Path, known: Iterable[str], wanted: str, example: str) -> di
 
 
 def parse_toml(path: Path, text: str, remedy: str) -> dict[str, Any]:
-    """What a text says, or the fault of the file that it is of, which ends with the remedy."""
+    """Parse the text of a file; a fault names the file and ends with the remedy."""
     for line in text.splitlines():
         if len(line) > _LONGEST_LINE or line.count(".") > _MOST_DOTS:
             raise fault(path, None, f"is not TOML (a line is too long: {line[:60]!r}); {remedy}")
@@ -48,7 +48,7 @@ def parse_toml(path: Path, text: str, remedy: str) -> dict[str, Any]:
 
 
 def check_known(path: Path, key: str, known: Iterable[str], where: str = "") -> None:
-    """Refuse a key that nobody reads: it is a slip of the pen."""
+    """Refuse an unknown key, which is most likely a typing error."""
     known = list(known)
     if key not in known:
         nearest = difflib.get_close_matches(key, known, n=1, cutoff=0.0)[0]
@@ -56,5 +56,5 @@ def check_known(path: Path, key: str, known: Iterable[str], where: str = "") -> 
 
 
 def quoted(text: str) -> str:
-    """A text as TOML writes it, whatever is in it."""
+    """A text as a TOML string, whatever characters it has."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

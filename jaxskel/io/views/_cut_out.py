@@ -1,4 +1,4 @@
-"""Silhouettes cut out of colour images."""
+"""Silhouettes cut out of colour images by background subtraction."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from ...segmentation import Background, Cleaning
 
 @dataclass(frozen=True)
 class CutOut:
-    """A [`Matte`][]: what a background model does not know, cleaned."""
+    """A [`Matte`][]: the foreground by a background model, cleaned."""
 
     background: Background
     cleaning: Cleaning
@@ -22,7 +22,7 @@ class CutOut:
 
 
 def in_colour(image: Shaped[np.ndarray, "h w *channels"]) -> Shaped[np.ndarray, "h w 3"]:
-    """An image of any kind as blue, green and red of 8 bits."""
+    """Convert any image to blue, green and red of 8 bits."""
     if image.dtype == np.uint16:
         image = (image // 257).astype(np.uint8)
     if image.ndim == 2 or image.shape[2] == 1:

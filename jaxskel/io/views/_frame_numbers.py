@@ -1,7 +1,7 @@
-"""Which number in the names of a camera's images is the frame's.
+"""Finds the number in the names of a camera's images that is the frame number.
 
-It is the number that differs from image to image. Camera, person, size and date stay what they are; a time goes on,
-but does not count.
+It is the number that differs from image to image. Camera, person, size and date do not change; a time does, but it is
+not a counter.
 """
 
 import re
@@ -15,27 +15,27 @@ import numpy as np
 from ..files import fault
 from ._times import steps_of_times, times_of
 
-# Larger numbers are times: nobody has so many images.
+# Larger numbers are times: no camera makes this many images.
 _MOST = 10**9
-# Digits of a number: a date with a time down to the nanosecond has 23.
+# Largest number of digits: a date with a time in nanoseconds has 23.
 _MOST_DIGITS = 30
-# Of so many images, numbers that go on evenly but do not count, 33, 67, 100, ..., are times.
+# With at least this many images, evenly spaced numbers that do not count by one (33, 67, 100, ...) are times.
 _FEWEST_TICKS = 5
 _REMEDY = "call it 000000.png, 000001.png, ..."
 
 
 @dataclass(frozen=True)
 class Numbered:
-    """A camera's images by their frame's number."""
+    """A camera's images by frame number."""
 
     files: dict[int, Path]
     notes: tuple[str, ...]
-    """What a person should know of how they were numbered."""
+    """Notes for the user on how the images were numbered."""
 
 
 @dataclass(frozen=True)
 class _Column:
-    """A number that stands at the same place in every name."""
+    """A number at the same place in every name."""
 
     texts: tuple[str, ...]
     values: tuple[int, ...]
@@ -56,10 +56,10 @@ class _Column:
 
 
 def number_images(folder: Path, images: Sequence[Path]) -> Numbered:
-    """Find the frame's number in the names of a folder's images.
+    """Find the frame number in the names of a folder's images.
 
     Raises:
-        ValueError: One line, where no number tells them apart, or two do and disagree.
+        ValueError: One line, if no number distinguishes the images, or two numbers do and disagree.
     """
     files = [file for file in images if re.search("[0-9]", file.stem)]
     strays = [file for file in images if file not in set(files)] if len(files) < len(images) else []
@@ -86,7 +86,7 @@ def number_images(folder: Path, images: Sequence[Path]) -> Numbered:
 
 
 def _columns(stems: list[str]) -> list[_Column]:
-    """Numbers that have the same text before them in every name, or the same after them."""
+    """Numbers with the same text before them in every name, or the same text after them."""
     parts = [re.split("([0-9]+)", stem) for stem in stems]
     times = times_of(stems)
     found: dict[tuple[int, ...], _Column] = {}
@@ -110,14 +110,14 @@ def _columns(stems: list[str]) -> list[_Column]:
 
 
 def _number_of_one(columns: list[_Column]) -> list[int]:
-    """Of a single image, where nothing varies: the number that is filled up with zeros, or else the last."""
+    """The frame number of a single image, where nothing varies: the number padded with zeros, or else the last one."""
     filled = [column for column in columns if re.match("0[0-9][0-9]", column.texts[0]) and not column.is_time]
     column = filled[0] if len(filled) == 1 else columns[-1]
     return [column.values[0] if column.values[0] < _MOST else 0]
 
 
 def _chosen(folder: Path, files: list[Path], columns: list[_Column]) -> tuple[list[int], list[str]]:
-    """The number of each image, and what there is to say."""
+    """The frame number of each image, and notes for the user."""
     times = _times(files, columns)
     telling = [column for column in columns if column.tells_apart and max(column.values) < _MOST]
     counters = [column for column in telling if not column.is_time] or ([] if times is not None else telling)
@@ -142,7 +142,7 @@ def _chosen(folder: Path, files: list[Path], columns: list[_Column]) -> tuple[li
 
 
 def _times(files: list[Path], columns: list[_Column]) -> tuple[int, ...] | None:
-    """Times that tell the images apart; None where there are none."""
+    """Times that distinguish the images; None if there are none."""
     times = times_of([file.stem for file in files])
     if times is not None and len(set(times.nanoseconds)) == len(files):
         return times.nanoseconds
@@ -153,7 +153,7 @@ _COUNTS, _COUNTS_WITH_GAPS, _STRIDES, _IRREGULAR = range(4)
 
 
 def _unevenness(column: _Column) -> int:
-    """How little like a counter a number is."""
+    """How far the values are from a counter's."""
     steps = np.diff(np.sort(np.array(column.values)))
     if steps.min() == 1:
         return _COUNTS if steps.max() == 1 else _COUNTS_WITH_GAPS
@@ -161,7 +161,7 @@ def _unevenness(column: _Column) -> int:
 
 
 def _unwrapped(column: _Column) -> tuple[list[int], list[str]]:
-    """A counter's numbers; where it went over its last number, 9999, to 0, the latter come after."""
+    """A counter's values; after an overflow, from 9999 to 0, the small ones are put behind the large ones."""
     width = len(column.texts[0])
     values = np.array(column.values)
     whole = 10**width
@@ -181,7 +181,7 @@ def _unwrapped(column: _Column) -> tuple[list[int], list[str]]:
 
 
 def _check_one_person(folder: Path, files: list[Path], columns: list[_Column], frame: _Column) -> None:
-    """Refuse a small number after the frame's that now and then is another one."""
+    """Refuse a small number behind the frame number that varies: it may be the number of a person."""
     after = columns[columns.index(frame) + 1 :]
     if len(after) == 1 and after[0].is_last and after[0].varies and not after[0].tells_apart:
         if not after[0].is_time and max(after[0].values) < 100:
@@ -191,7 +191,7 @@ def _check_one_person(folder: Path, files: list[Path], columns: list[_Column], f
 
 
 def _several_of_a_frame(folder: Path, files: list[Path], columns: list[_Column]) -> ValueError:
-    """What to say where no number tells the images apart."""
+    """The error for images that no number distinguishes."""
     frame = max(columns, key=lambda column: (len(set(column.values)), -max(column.values)))
     for key in (list(zip(*(column.values for column in columns), strict=True)), frame.values):
         number = next((value for value, count in Counter(key).items() if count > 1), None)
@@ -211,7 +211,7 @@ def _several_people(folder: Path, first: Path, second: Path) -> ValueError:
 
 
 def _by_time(files: list[Path], times: tuple[int, ...]) -> tuple[list[int], list[str]]:
-    """Numbers in the order of times, and what there is to say; where a clock's tick is missing, so is its number."""
+    """Numbers in the order of times, and notes for the user; a missing clock tick leaves a missing number."""
     order = sorted(range(len(files)), key=times.__getitem__)
     even = steps_of_times(times)
     numbers = even or [order.index(place) for place in range(len(files))]

@@ -1,4 +1,4 @@
-"""Where a camera's images come from."""
+"""The interface of image sources of one camera."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,12 +24,12 @@ class Frames(Protocol):
 
     @property
     def span(self) -> tuple[int, int]:
-        """Numbers of the first and the last image; some between them may be missing."""
+        """Numbers of the first and the last image; images between them may be missing."""
         ...
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a person should know of how the images were numbered."""
+        """Notes for the user on how the images were numbered."""
         ...
 
     @property
@@ -39,23 +39,23 @@ class Frames(Protocol):
 
     @property
     def fps(self) -> float | None:
-        """Images per second, where the file says it."""
+        """Images per second, if the file states it."""
         ...
 
     def keeps_values(self) -> bool:
-        """Whether pixels are as they were written, so that a 1 is a 1."""
+        """Whether pixel values are kept exactly, so that labels survive."""
         ...
 
     def named(self, number: int) -> str:
-        """What an image is called, for messages."""
+        """Name of an image, for messages."""
         ...
 
     def read(self, number: int) -> Shaped[np.ndarray, "h w *channels"] | None:
-        """An image, as OpenCV reads it: grey, or blue, green, red; None where it is missing.
+        """Read an image with OpenCV's channels: grey, or blue, green, red; None if it is missing.
 
-        Numbers that ascend are read in one pass.
+        Ascending numbers are read in one pass.
 
         Raises:
-            ValueError: One line that names the file and the image, where it is damaged or of another size.
+            ValueError: One line that names the file and the image, if it is damaged or of another size.
         """
         ...

@@ -1,4 +1,4 @@
-"""A folder with an image file for each frame."""
+"""Images as a folder with one file for each frame."""
 
 import re
 from collections.abc import Iterable, Iterator
@@ -11,23 +11,23 @@ from ..files import Indexed, fault, keeps_values, read_image, read_indexed
 from ._frame_numbers import number_images
 
 SUFFIXES = (".png", ".bmp", ".tif", ".tiff", ".jpg", ".jpeg", ".webp", ".gif", ".pbm", ".pgm", ".ppm", ".pnm")
-"""Of the images that are read."""
+"""Suffixes of supported images."""
 UNREAD_SUFFIXES = (".heic", ".heif", ".avif", ".jp2", ".j2k", ".jpf", ".jpx", ".jxl", ".exr", ".hdr", ".pfm", ".pam",
                    ".tga", ".psd", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2", ".raw", ".dcm",
                    ".svg")  # fmt: skip
-"""Of images that are not read."""
+"""Suffixes of unsupported images."""
 
 
 class ImageFolder:
-    """Images that carry their frame's number in their name: ``000012.png``, ``cam1_12.png``, ``12_640x480.png``."""
+    """Images whose names hold the frame number: ``000012.png``, ``cam1_12.png``, ``12_640x480.png``."""
 
     fps = None
 
     def __init__(self, path: Path):
-        """List the files; images are read when they are asked for, but for the first, whose size all must have.
+        """List the files; only the first image, which sets the size of all, is read now.
 
         Raises:
-            ValueError: One line, where there are none, or their names do not say which frames they are.
+            ValueError: One line, if there are no images, or their names do not tell their frame numbers.
         """
         self.path = path
         try:
@@ -57,7 +57,7 @@ class ImageFolder:
         return list(self._files)
 
     def keeps_values(self) -> bool:
-        """Whether a 1 is a 1, as in a PNG; by the first image of each kind."""
+        """Whether pixel values are kept exactly, as in PNG; judged by the first image of each suffix."""
         firsts = {file.suffix.lower(): file for file in reversed(self._files.values())}
         return all(keeps_values(file) for file in firsts.values())
 
@@ -66,7 +66,7 @@ class ImageFolder:
         return self._files[number].name
 
     def read(self, number: int) -> Shaped[np.ndarray, "h w *channels"] | None:
-        """An image; None where there is no file of this number."""
+        """Read an image; None if there is no file of this number."""
         file = self._files.get(number)
         if file is None:
             return None
@@ -75,7 +75,7 @@ class ImageFolder:
         return image
 
     def read_indexed(self, number: int) -> Indexed | None:
-        """An image as indices of its palette; None where it has none, or there is no file of this number."""
+        """Read an image as palette indices; None if it has no palette, or there is no file of this number."""
         file = self._files.get(number)
         indexed = None if file is None else read_indexed(file)
         if file is not None and indexed is not None:
@@ -90,17 +90,17 @@ class ImageFolder:
 
 
 def is_image(file: Path) -> bool:
-    """Whether a file is an image by its name, and not a hidden one."""
+    """Whether a file name is that of an image, and not of a hidden file."""
     return file.suffix.lower() in SUFFIXES and not file.name.startswith(".")
 
 
 def unread_suffixes(files: Iterable[Path]) -> list[str]:
-    """Kinds of images among these files, by their names, that are not read."""
+    """Suffixes of unsupported images among these files."""
     suffixes = {file.suffix.lower() for file in files if not file.name.startswith(".")}
     return sorted(suffixes & set(UNREAD_SUFFIXES))
 
 
 def _numbered_alone(files: list[Path], images: list[Path]) -> Iterator[Path]:
-    """Files that may be frames of their own, and not what a camera keeps beside an image."""
+    """Files that may be frames themselves, rather than side files that a camera keeps beside an image."""
     stems = {image.stem for image in images}
     return (file for file in files if file.stem not in stems and re.search("[0-9]", file.stem))

@@ -1,4 +1,4 @@
-"""A folder of images whose colours stand for labels: the indices of a palette are read, not the colours."""
+"""A folder of label images: the palette indices are read, not the colours."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -11,12 +11,12 @@ from ._image_folder import ImageFolder
 
 
 class IndexedFolder:
-    """The images of a folder, each as the indices of its palette."""
+    """The images of a folder, each read as palette indices."""
 
     fps = None
 
     def __init__(self, folder: ImageFolder, palette: UInt8[np.ndarray, "colours 3"]):
-        """Take the folder's images; of their palettes, all that have as many colours must have these."""
+        """Take a folder and the palette that all of its images with as many colours must have."""
         self._folder, self._palette = folder, palette
 
     @property
@@ -36,7 +36,7 @@ class IndexedFolder:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a person should know of how the images were numbered."""
+        """Notes for the user on how the images were numbered."""
         return self._folder.notes
 
     @property
@@ -45,7 +45,7 @@ class IndexedFolder:
         return self._folder.numbers
 
     def keeps_values(self) -> bool:
-        """An index is an index."""
+        """True: indices are exact."""
         return True
 
     def named(self, number: int) -> str:
@@ -53,7 +53,7 @@ class IndexedFolder:
         return self._folder.named(number)
 
     def read(self, number: int) -> UInt8[np.ndarray, "h w"] | None:
-        """Indices; None where there is no file of this number."""
+        """Read the indices; None if there is no file of this number."""
         indexed = self._folder.read_indexed(number)
         if indexed is None and number not in self._folder.numbers:
             return None
@@ -64,10 +64,10 @@ class IndexedFolder:
 
 
 def labelled(folder: ImageFolder, numbers: Iterable[int]) -> IndexedFolder | None:
-    """The folder's indices, where some of its images say that these are labels; None where colours are what counts.
+    """The folder as label images if some of its images mark indices as labels; None if colours are what counts.
 
-    Colours count where there is no palette, or not the same in all; where it is grey, so that black is the background,
-    whatever its index; and where its colours are opaque or not.
+    Colours count if there is no palette, or not the same one in all images; if it is grey, so that black is the
+    background whatever its index; and if its colours differ in opacity.
     """
     palettes: list[UInt8[np.ndarray, "colours 3"]] = []
     used: set[int] = set()
@@ -81,7 +81,7 @@ def labelled(folder: ImageFolder, numbers: Iterable[int]) -> IndexedFolder | Non
             return None
         used |= here
     palette = max(palettes, key=len)
-    # Of a view in which nobody is yet, nothing but the background is used.
+    # In a view that shows nobody so far, only the background index is used.
     chosen = sorted(used) if len(used) > 1 else list(range(len(palette)))
     if chosen[-1] < len(palette):
         colours = palette[chosen]
@@ -91,6 +91,6 @@ def labelled(folder: ImageFolder, numbers: Iterable[int]) -> IndexedFolder | Non
 
 
 def _agree(some: UInt8[np.ndarray, "a 3"], others: UInt8[np.ndarray, "b 3"]) -> bool:
-    """Whether two palettes are the same as far as both go."""
+    """Whether two palettes are equal up to the length of the shorter one."""
     shorter = min(len(some), len(others))
     return bool((some[:shorter] == others[:shorter]).all())

@@ -1,4 +1,4 @@
-"""Masks of a camera in a NumPy archive that holds an array for each camera."""
+"""Masks of a camera in a NumPy archive that holds one array for each camera."""
 
 from functools import cached_property
 from pathlib import Path
@@ -10,15 +10,16 @@ from ..files import StoredRows, check_pixels, fault, numbers, read_arrays
 
 
 class MaskArchive:
-    """The array of one camera: masks (frames, h, w), bools, whole numbers, or how sure it is of each pixel, 0 to 1.
+    """The array of one camera: masks (frames, h, w) of bools, integers, or probabilities from 0 to 1.
 
-    Beside an array ``NAME_shape`` with these three numbers, ``NAME`` is what `numpy.packbits` made of the last axis.
+    If there is also an array ``NAME_shape`` with these three numbers, ``NAME`` is the result of `numpy.packbits` along
+    the last axis.
     """
 
     fps = None
 
     def __init__(self, path: Path, name: str):
-        """Check what the array claims; masks are read when they are asked for.
+        """Check what the array claims; masks are read when they are needed.
 
         Raises:
             ValueError: One line that names the file and the key.
@@ -44,29 +45,29 @@ class MaskArchive:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """None."""
+        """Empty: masks in an archive need no notes."""
         return ()
 
     @property
     def numbers(self) -> range:
-        """All from 0."""
+        """Numbers of all masks, from 0."""
         return range(self.span[1] + 1)
 
     @property
     def is_binary(self) -> bool:
-        """Whether it is of bools or bits, which are read as 0 and 255."""
+        """Whether the array holds bools or bits, which are read as 0 and 255."""
         return self._packed or self._rows.dtype == np.bool_
 
     def keeps_values(self) -> bool:
-        """Whether values are as they were written, also where they have been rounded."""
+        """True: values are exact, up to the rounding of probabilities."""
         return True
 
     def named(self, number: int) -> str:
-        """Where a mask stands in the archive."""
+        """Place of a mask in the archive."""
         return f"{self._rows.key}[{number}]"
 
     def read(self, number: int) -> UInt8[np.ndarray, "h w"] | UInt16[np.ndarray, "h w"] | None:
-        """A mask, 0 and 255 where it is of bools or bits; None outside of the array."""
+        """Read a mask, 0 and 255 for bools or bits; None outside of the array."""
         if not 0 <= number <= self.span[1]:
             return None
         row = self._rows.read(number, number + 1)[0]
@@ -77,7 +78,7 @@ class MaskArchive:
         return row if row.dtype == np.uint8 else self._in_whole_numbers(row, number)
 
     def _in_whole_numbers(self, row: Shaped[np.ndarray, "h w"], number: int) -> UInt16[np.ndarray, "h w"]:
-        """Parts of 1 as parts of 255, and what is a whole number already as it is."""
+        """Scale probabilities to 0 to 255; leave integers as they are."""
         least, most = float(row.min()), float(row.max())
         if not (least >= 0 and most <= 65535):  # nor NaN
             value = least if not least >= 0 else most
@@ -90,10 +91,10 @@ class MaskArchive:
 
     @cached_property
     def _is_part(self) -> bool:
-        """Whether numbers with a point are parts of 1: so it is where a few masks hold none that is larger."""
+        """Whether floats are probabilities: True if no value of a few masks exceeds 1."""
         chosen = np.unique(np.linspace(0, self.span[1], _SAMPLES).astype(int)).tolist()
         return all(self._rows.read(number, number + 1).max() <= 1 for number in chosen)
 
 
-# Masks that are looked at to tell parts of 1 from parts of 255.
+# Masks that are examined to tell probabilities (0 to 1) from levels (0 to 255).
 _SAMPLES = 8

@@ -1,4 +1,4 @@
-"""Black and white, soft edges, labels or a picture: what the values of a view's masks say."""
+"""Decides from the values of a view's masks whether they are black and white, soft, labels, or a picture."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -7,35 +7,36 @@ from ._mask_values import MOST_VALUES
 from ._masks import HalfWhite, NotBackground
 from ._tally import Tally
 
-# Labels fill areas; levels of grey between black and white are edges, where hardly a pixel is amid equal ones.
+# Least share of pixels amid equal ones for values to be labels, which fill areas; grey levels between black and white
+# are edges, where hardly any pixel has only equal neighbours.
 _LEAST_FLAT = 0.25
-# The background is most of a mask in which several parts or people have their numbers.
+# Least share of the background in masks with several labels for parts or people.
 _LEAST_BACKGROUND = 0.5
-# Of a soft mask, no more is between dark and bright.
+# Largest share of grey pixels in a soft mask.
 _MOST_GREY = 0.25
-# Of an image, no person takes so much; where black and white are exchanged, the background does.
+# Largest share of a person in an image; if black and white are exchanged, the background exceeds it.
 _MOST_PERSON = 0.5
 _REMEDY = "give them as images with a background"
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is the person."""
+    """Which values are the person."""
 
     choice: HalfWhite | NotBackground | None
-    """None where values do not tell."""
+    """The rule; None if the values do not tell."""
     told: str = ""
-    """What there is to say of it."""
+    """Explanation for the user."""
     person: tuple[int, ...] = ()
-    """Where values do not tell, those that may be the person's; none where they are no masks."""
+    """If the values do not tell, those that may be the person; empty if the images are no masks."""
     grey_share: float = 0.0
     """Share of pixels that are neither dark nor bright."""
     is_dim: bool = False
-    """Whether nothing is half white in the images that were looked at."""
+    """Whether no pixel of the examined images is at least half white."""
 
 
 def verdict_of_grey(tally: Tally, lossless: bool, told: Callable[[Iterable[int]], str]) -> Verdict:
-    """What grey levels, labels or indices say."""
+    """Judge grey levels, labels or indices."""
     tally.in_one_depth()
     values, top = sorted(tally.counts), tally.top
     present = [value for value in values if value > 0]
@@ -58,7 +59,7 @@ def verdict_of_grey(tally: Tally, lossless: bool, told: Callable[[Iterable[int]]
 
 
 def verdict_of_colours(tally: Tally, lossless: bool, told: Callable[[Iterable[int]], str]) -> Verdict:
-    """What colours say."""
+    """Judge colours."""
     if not lossless or len(tally.counts) > MOST_VALUES:
         return Verdict(None, f"are pictures in colour, not masks; {_REMEDY}", grey_share=1.0)
     found = _of_labels(tally, sorted(tally.counts), None, told, "not black")
@@ -67,7 +68,7 @@ def verdict_of_colours(tally: Tally, lossless: bool, told: Callable[[Iterable[in
 
 
 def _is_black_and_white(tally: Tally, values: list[int], top: int) -> bool:
-    """Whether values are cut at half white: beside black and white there are edges and noise only."""
+    """Whether to threshold at half white: besides black and white, there are only edges and noise."""
     if len(values) == 1:
         return True
     if values[-1] < tally.half:
@@ -76,7 +77,7 @@ def _is_black_and_white(tally: Tally, values: list[int], top: int) -> bool:
         return True
     if tally.flatness(lambda value: top / 8 <= value < 7 * top / 8) >= _LEAST_FLAT:
         return False
-    # A codec that made grey of black made grey of white, too.
+    # A codec that made black grey made white grey too.
     bright = sum(value >= 7 * top / 8 for value in values)
     return bright > 1 or values[0] > 0 or tally.flatness(lambda value: 0 < value < top / 8) < _LEAST_FLAT
 
@@ -84,7 +85,7 @@ def _is_black_and_white(tally: Tally, values: list[int], top: int) -> bool:
 def _of_labels(
     tally: Tally, values: list[int], void: int | None, told: Callable[[Iterable[int]], str], what: str
 ) -> Verdict:
-    """The background is 0, if that is most of the masks and no value means that nobody knows."""
+    """Judge labels: the background is 0 if that is most of the masks and no value means "unknown"."""
     background = 0 if 0 in tally.counts else tally.counts.most_common(1)[0][0]
     if background == 0 and void is None and tally.share(lambda value: value == 0) >= _LEAST_BACKGROUND:
         return _labels(values, told, f"all that is {what}" if len(values) > 2 else "")

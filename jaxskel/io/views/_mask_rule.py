@@ -1,4 +1,4 @@
-"""What is the person in a view's masks: decided once for all of its images, by the values of a few of them."""
+"""Decides which values of a view's masks are the person, once for all images, from a few of them."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -18,15 +18,15 @@ from ._masks import Among, Masks
 from ._tally import Tally
 from ._video import Video
 
-# Images that are looked at: to decode them is what it costs.
+# Number of images examined; decoding them takes most of the time.
 _SAMPLES = 8
-# Of a video, what is darker than this may be a codec's noise; and so much of a frame that is not white is none.
+# In videos, values up to the first may be codec noise, as may dim pixels up to the second share of a frame.
 _NOISE, _MOST_NOISE = 48, 2e-3
-# Of masks, no more is between dark and bright, of pictures in grey nearly all.
+# Largest share of grey pixels in masks; grey pictures consist of little else. Values below the second are dark.
 _MOST_GREY, _DARK = 0.05, 32
 
 Person = tuple[int, ...] | tuple[tuple[int, int, int], ...]
-"""Values of masks, or colours: red, green, blue."""
+"""Mask values, or colours as (red, green, blue)."""
 
 
 def person_text(person: Person) -> str:
@@ -36,24 +36,24 @@ def person_text(person: Person) -> str:
 
 @dataclass(frozen=True)
 class MaskRule:
-    """What a view's images are, as masks."""
+    """How a view's images are read as masks."""
 
     frames: Frames
-    """The images that the matte is for: of those with a palette, the indices."""
+    """The images that the matte applies to; for images with a palette, their indices."""
     matte: Masks | None
-    """None where values do not tell what is the person, or the images are no masks."""
+    """The rule that finds the person; None if the values do not tell, or the images are no masks."""
     told: str = ""
-    """What there is to say: which values there are, what is taken for the person; nothing for black and white."""
+    """Explanation for the user: which values there are and which are the person; empty for black and white masks."""
     person: Person = ()
-    """Where values do not tell, what may be the person, to be looked at; empty where the images are no masks."""
+    """If the values do not tell, candidates for the person, for the user to check; empty if the images are no masks."""
     is_picture: bool = False
-    """Whether the images are pictures rather than masks, if nobody has said which."""
+    """Whether the images look like pictures rather than masks, if the user has not said which."""
 
     def lines(self) -> list[str]:
-        """What a `recording.toml` should say of the person beside the masks' name.
+        """Lines on the person for a `recording.toml`, besides the masks' path.
 
         Raises:
-            ValueError: One line that names the folder, where it can say nothing that would do.
+            ValueError: One line that names the folder, if no line would be right.
         """
         if self.matte is not None:
             return [f"# {self.told}"] if self.told else []
@@ -63,10 +63,10 @@ class MaskRule:
 
 
 def rule_of(frames: Frames) -> MaskRule:
-    """Decide what is the person in a view's masks.
+    """Decide which values of a view's masks are the person.
 
     Raises:
-        ValueError: One line that names the file, where an image cannot be read, or does not go with the others.
+        ValueError: One line that names the file, if an image cannot be read or does not fit the others.
     """
     if isinstance(frames, Video):
         return _of_video(frames)
@@ -87,10 +87,10 @@ def rule_of(frames: Frames) -> MaskRule:
 
 
 def rule_for(frames: Frames, person: Person) -> MaskRule:
-    """Take these values of a view's masks for the person.
+    """The rule that takes these values of a view's masks for the person.
 
     Raises:
-        ValueError: One line that names the file, where an image cannot be read.
+        ValueError: One line that names the file, if an image cannot be read.
     """
     if isinstance(frames, Video) or not frames.keeps_values():
         return MaskRule(frames, None, "their values are not kept exactly; person = [...] is for PNG and the like")
@@ -110,7 +110,7 @@ def rule_for(frames: Frames, person: Person) -> MaskRule:
 
 
 def _looked_at(frames: Frames) -> tuple[Frames, Values, Tally]:
-    """What is looked at in the images, and which values it has there."""
+    """The images to examine, how values are taken from them, and the counts of these values."""
     if isinstance(frames, ImageFolder):
         frames = labelled(frames, _spread(frames.numbers)) or frames
     alpha, colours, brightest, grey = Tally(), Tally(), Tally(), Tally()
@@ -137,7 +137,7 @@ def _looked_at(frames: Frames) -> tuple[Frames, Values, Tally]:
 
 
 def _of_video(video: Video) -> MaskRule:
-    """White is the person; but what is only dim, in a few of its frames, is told."""
+    """The rule for a video: white is the person, with a note if a few frames only have dim values."""
     tally, brightest, dim, coloured = Tally(), 0, 0.0, True
     noise = 0 if video.keeps_values() else _NOISE
     for image in video.glimpses():
@@ -167,7 +167,7 @@ def _named(found: Verdict, values: Values) -> Person:
 
 
 def _some(frames: Frames) -> Iterator[Shaped[np.ndarray, "h w *channels"]]:
-    """Images spread over all; where these are empty, the first that is not, and some after it."""
+    """Images spread over the whole view; if these are empty, the first that is not, and some after it."""
     chosen, empty = _spread(frames.numbers), True
     for number in chosen:
         image = _read(frames, number)
@@ -185,7 +185,7 @@ def _some(frames: Frames) -> Iterator[Shaped[np.ndarray, "h w *channels"]]:
 
 
 def _is_anywhere(frames: Frames, matte: Masks) -> bool:
-    """Whether any image shows the person: a few are looked at first."""
+    """Whether any image shows the person; a few are tried first."""
     chosen = _spread(frames.numbers)
     for number in (*chosen, *sorted(set(frames.numbers) - set(chosen))):
         image = _read(frames, number)
@@ -204,7 +204,7 @@ def _spread(numbers: Sequence[int]) -> list[int]:
 
 def _read(frames: Frames, number: int) -> Shaped[np.ndarray, "h w *channels"]:
     image = frames.read(number)
-    assert image is not None  # it is one of those that are there
+    assert image is not None  # the number is one of those that exist
     return image
 
 

@@ -1,4 +1,4 @@
-"""Which of an image's channels are a mask, and what values there are in it."""
+"""Extracts the mask from an image's channels, and describes its values."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -8,36 +8,36 @@ import cv2
 import numpy as np
 from jaxtyping import Shaped, UInt32
 
-# Numbers of parts or of people in one camera's masks; where there are more values, it is a picture.
+# Largest number of labels for parts or people in the masks of one camera; an image with more values is a picture.
 MOST_VALUES = 64
-# Channels of a grey image differ by what a video codec does to them, at most.
+# Largest difference of the channels of a grey image after video compression.
 _GREY = 48
 _MOST_COLOURED = 0.01
 
 
 @runtime_checkable
 class Values(Protocol):
-    """Takes a mask out of an image."""
+    """Extracts a mask from an image."""
 
     def of(self, image: Shaped[np.ndarray, "h w *channels"]) -> Shaped[np.ndarray, "h w"]:
-        """A number for each pixel.
+        """One number for each pixel.
 
         Raises:
-            ValueError: Why the image has none.
+            ValueError: Why the image has no mask.
         """
         ...
 
     def told(self, values: Iterable[int]) -> str:
-        """Values, as a person would name them in a `recording.toml`."""
+        """Values in the notation of a `recording.toml`."""
         ...
 
 
 @dataclass(frozen=True)
 class Grey:
-    """Grey levels, labels, or indices of a palette."""
+    """Grey levels, labels, or palette indices."""
 
     def of(self, image: Shaped[np.ndarray, "h w *channels"]) -> Shaped[np.ndarray, "h w"]:
-        """The image, or of one in colours that are all grey, its second channel."""
+        """The image itself, or the second channel of a colour image that is grey."""
         if image.ndim == 2:
             return image
         if is_coloured(image):
@@ -45,13 +45,13 @@ class Grey:
         return np.ascontiguousarray(image[:, :, 0 if image.shape[2] < 3 else 1])
 
     def told(self, values: Iterable[int]) -> str:
-        """Runs of numbers in short."""
+        """Values in ascending order, with runs abbreviated."""
         return told(values)
 
 
 @dataclass(frozen=True)
 class Alpha:
-    """How opaque a pixel is."""
+    """The alpha channel."""
 
     def of(self, image: Shaped[np.ndarray, "h w *channels"]) -> Shaped[np.ndarray, "h w"]:
         """The last of two or four channels."""
@@ -60,13 +60,13 @@ class Alpha:
         return np.ascontiguousarray(image[:, :, -1])
 
     def told(self, values: Iterable[int]) -> str:
-        """Runs of numbers in short."""
+        """Values in ascending order, with runs abbreviated."""
         return told(values)
 
 
 @dataclass(frozen=True)
 class Colours:
-    """Colours as numbers: red, then green, then blue, 8 bits each."""
+    """Colours as 24-bit numbers: red, then green, then blue, 8 bits each."""
 
     def of(self, image: Shaped[np.ndarray, "h w *channels"]) -> UInt32[np.ndarray, "h w"]:
         """A number for each pixel's colour."""
@@ -79,37 +79,37 @@ class Colours:
         return red << 16 | green << 8 | blue
 
     def told(self, values: Iterable[int]) -> str:
-        """Red, green and blue of each."""
+        """Red, green and blue of each colour."""
         return _joined([str([value >> 16, value >> 8 & 255, value & 255]) for value in sorted(values)])
 
 
 @dataclass(frozen=True)
 class Brightest:
-    """The brightest of the channels, of masks in one colour on black."""
+    """The brightest channel, for masks in one colour on black."""
 
     def of(self, image: Shaped[np.ndarray, "h w *channels"]) -> Shaped[np.ndarray, "h w"]:
-        """The largest of red, green and blue."""
+        """The maximum of red, green and blue."""
         return image if image.ndim == 2 else _brightest(image)
 
     def told(self, values: Iterable[int]) -> str:
-        """Runs of numbers in short."""
+        """Values in ascending order, with runs abbreviated."""
         return told(values)
 
 
 def is_coloured(image: Shaped[np.ndarray, "h w channels"]) -> bool:
-    """Whether more than a codec's noise is in colour."""
+    """Whether more pixels are coloured than codec noise explains."""
     return int(np.count_nonzero(_saturation(image) > _GREY)) > _MOST_COLOURED * image[..., 0].size
 
 
 def is_painted(image: Shaped[np.ndarray, "h w *channels"]) -> bool:
-    """Whether what is not black is in colour, in an image that no codec has changed."""
+    """Whether the pixels that are not black are coloured, in an image without lossy compression."""
     if image.ndim == 2:
         return False
     painted = int(np.count_nonzero(_saturation(image) > _PAINTED))
     return painted > 0 and painted > _MOST_PAINTED * int(np.count_nonzero(_brightest(image) > _PAINTED))
 
 
-# What a conversion between kinds of colour does to grey, at most; and a part of the mask that may be its fringe.
+# Largest channel difference that colour conversion adds to grey; and largest share of the mask that may be its fringe.
 _PAINTED, _MOST_PAINTED = 8, 0.1
 
 
@@ -121,7 +121,7 @@ def _brightest(image: Shaped[np.ndarray, "h w channels"]) -> Shaped[np.ndarray, 
 
 
 def _saturation(image: Shaped[np.ndarray, "h w channels"]) -> Shaped[np.ndarray, "h w"]:
-    """How much the channels differ, in 8 bits; by OpenCV, which takes a tenth of NumPy's time."""
+    """Difference between the channels, in 8 bits; OpenCV takes a tenth of NumPy's time."""
     if image.dtype == np.uint16:
         image = (image // 257).astype(np.uint8)
     first, *others = cv2.split(image)[: 3 if image.shape[2] > 2 else 1]
@@ -132,7 +132,7 @@ def _saturation(image: Shaped[np.ndarray, "h w channels"]) -> Shaped[np.ndarray,
 
 
 def told(values: Iterable[int]) -> str:
-    """Numbers in ascending order, runs of them in short: 0, 2 to 18 and 255."""
+    """Values in ascending order, with runs abbreviated: 0, 2 to 18 and 255."""
     runs: list[list[int]] = []
     for value in sorted(set(values)):
         if runs and value == runs[-1][-1] + 1:
@@ -143,7 +143,7 @@ def told(values: Iterable[int]) -> str:
     return _joined([part for each in parts for part in each])
 
 
-# So many values or colours are named in a message.
+# Largest number of values or colours that a message lists.
 _MOST_TOLD = 12
 
 

@@ -1,4 +1,4 @@
-"""What a silhouette is in an image."""
+"""Rules that find the silhouette in an image."""
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -11,7 +11,7 @@ from ._mask_values import MOST_VALUES, Grey, Values, told
 
 @runtime_checkable
 class Matte(Protocol):
-    """Tells the person from the rest of an image."""
+    """Separates the person from the rest of an image."""
 
     def foreground(self, image: Shaped[np.ndarray, "h w *channels"]) -> Bool[np.ndarray, "h w"]:
         """True where the person is.
@@ -24,7 +24,7 @@ class Matte(Protocol):
 
 @runtime_checkable
 class Choice(Protocol):
-    """Which values of a mask are the person."""
+    """Selects the mask values that are the person."""
 
     def chosen(self, values: Shaped[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
         """True where the person is.
@@ -37,12 +37,12 @@ class Choice(Protocol):
 
 @dataclass(frozen=True)
 class HalfWhite:
-    """What is at least half white is the person."""
+    """The person is what is at least half white."""
 
     exact: bool = False
-    """Whether other images of the view hold two values only, so that dark ones are a number and no noise."""
+    """Whether other images of the view hold only two values, so that dark values are labels rather than noise."""
     white: int = 65535
-    """Of 16 bits, what is white; in some files it is 255."""
+    """White level of 16-bit images; in some files it is 255."""
 
     def chosen(self, values: Shaped[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
         """True where the mask is at least half white."""
@@ -58,18 +58,18 @@ class HalfWhite:
         return values >= half
 
 
-# Numbers of parts or people are few; dark edges of a soft mask have more levels, or are no larger than specks.
+# Labels have at most the first number of values; dark edges of a soft mask have more, or a smaller area share.
 _FEW, _SPECKS = 32, 1e-3
 
 
 @dataclass(frozen=True)
 class NotBackground:
-    """What is not 0 is the person."""
+    """The person is everything that is not 0."""
 
     known: tuple[int, ...]
     """Values that other images of the view have, in ascending order."""
     void: tuple[int, ...] = (255, 65535)
-    """Values that mean "unknown" in many tools where they are not known."""
+    """Values that many tools use for "unknown", unless they are among the known ones."""
 
     def chosen(self, values: Shaped[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
         """True where the mask is not 0."""
@@ -85,7 +85,7 @@ class NotBackground:
 
 @dataclass(frozen=True)
 class Among:
-    """These values are the person."""
+    """The person is one of these values."""
 
     values: tuple[int, ...]
 
@@ -100,7 +100,7 @@ class Among:
 
 @dataclass(frozen=True)
 class Masks:
-    """Images that are masks already. Where nothing else is said, what is at least half white is the person."""
+    """Images that are masks already; by default, the person is what is at least half white."""
 
     values: Values = Grey()
     choice: Choice = HalfWhite()

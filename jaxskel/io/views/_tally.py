@@ -1,4 +1,4 @@
-"""How often each value stands in a view's masks, and whether it fills areas or only edges."""
+"""Counts the values of a view's masks, and whether they fill areas or only edges."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -7,37 +7,37 @@ import cv2
 import numpy as np
 from jaxtyping import Shaped
 
-# Colours of a picture are not counted any further.
+# Counting stops at this many different values: the image is then a colour picture.
 _ENOUGH = 4096
-# Of an image, so much beside its most frequent value is more than noise.
+# Largest share of an image that noise takes besides its most frequent value.
 _NOISE = 1e-3
 
 
 class Tally:
-    """Counts of values, as images are added."""
+    """Counts of values, accumulated over images."""
 
     def __init__(self) -> None:
         self.counts: Counter[int] = Counter()
         self.flat: Counter[int] = Counter()
-        """Of the pixels, those amid others of the same value."""
+        """Counts of pixels whose neighbours all have the same value."""
         self.varies = False
-        """Whether there is an image that is not all alike."""
+        """Whether some image has more than one value (besides noise)."""
         self._depths: set[int] = set()
 
     def add(self, values: Shaped[np.ndarray, "h w"]) -> None:
-        """Count one image's values: bytes, two bytes, or colours of 24 bits."""
+        """Count the values of one image: 8 bits, 16 bits, or 24-bit colours."""
         if len(self.counts) > _ENOUGH:
             return
         self._depths.add(values.itemsize)
         counts = _counted(values)
         self.varies |= max(counts.values()) < (1 - _NOISE) * values.size
         self.counts.update(counts)
-        # Of black and white alone nobody asks.
+        # Flatness does not matter for black and white alone.
         if values.itemsize <= 2 and len(counts) > 2:
             self.flat.update(_counted(values[cv2.erode(values, _AROUND) == cv2.dilate(values, _AROUND)]))
 
     def add_all(self, other: "Tally", code: int = 1) -> None:
-        """Count what another has counted, its values times a number."""
+        """Add another tally's counts, with its values times `code`."""
         self.varies |= other.varies
         self._depths |= other._depths
         for own, others in ((self.counts, other.counts), (self.flat, other.flat)):
@@ -45,24 +45,24 @@ class Tally:
 
     @property
     def top(self) -> int:
-        """White: the largest value that there could be."""
+        """White level: the largest value that is possible."""
         return 255 if max(self.counts, default=0) <= 255 else 65535
 
     @property
     def half(self) -> int:
-        """The least that is at least half white."""
+        """Least value that is at least half white."""
         return 128 * (self.top // 255)
 
     @property
     def white(self) -> int:
-        """White of 16 bits: there are files that hold bytes in them; not so where nothing is seen yet."""
+        """White level of 16-bit images; 255 if the files hold 8-bit values, provided that something is seen in them."""
         return 255 if self._depths == {2} and self.varies and self.top == 255 else 65535
 
     def in_one_depth(self) -> None:
-        """Bring values of 16 bits to those of 8, where there are both.
+        """Convert 16-bit values to 8 bits if both occur.
 
         Raises:
-            ValueError: Where that would lose something.
+            ValueError: If that would lose information.
         """
         if self._depths != {1, 2}:
             return
@@ -75,11 +75,11 @@ class Tally:
             setattr(self, name, scaled)
 
     def share(self, fits: Callable[[int], bool]) -> float:
-        """Share of all pixels whose values fit."""
+        """Share of all pixels whose values satisfy `fits`."""
         return sum(count for value, count in self.counts.items() if fits(value)) / max(1, self.counts.total())
 
     def flatness(self, fits: Callable[[int], bool]) -> float:
-        """Of the pixels whose values fit, the share that is amid others of the same value."""
+        """Share of pixels with only equal neighbours, among those whose values satisfy `fits`."""
         fitting = [value for value in self.counts if fits(value)]
         among = sum(self.flat[value] for value in fitting)
         return among / max(1, sum(self.counts[value] for value in fitting))
@@ -90,13 +90,13 @@ _AROUND = np.ones((3, 3), np.uint8)
 
 def _counted(values: Shaped[np.ndarray, "*pixels"]) -> dict[int, int]:
     if values.itemsize <= 2:
-        # Of bytes, OpenCV takes a tenth of NumPy's time.
+        # For 8-bit values, OpenCV takes a tenth of NumPy's time.
         is_short = values.itemsize == 1
         counts = cv2.calcHist([values], [0], None, [256], [0, 256]) if is_short else np.bincount(values.ravel())
         counts = counts.ravel().astype(int)
         found = np.flatnonzero(counts)
         return dict(zip(found.tolist(), counts[found].tolist(), strict=True))
-    # Black is most of a mask: it need not be sorted.
+    # Most of a mask is black, which need not be sorted.
     lit = values[values > 0]
     found, counts = np.unique(lit, return_counts=True)
     some = dict(zip(found.tolist(), counts.tolist(), strict=True))

@@ -1,4 +1,4 @@
-"""Times in the names of images."""
+"""Finds times in the names of images."""
 
 import re
 from collections.abc import Sequence
@@ -15,27 +15,27 @@ _MOMENT = re.compile(
 )
 # Seconds since some moment, with a fraction: 1699999999.123456, 0.033.
 _SECONDS = re.compile(r"(?<![0-9.])([0-9]{1,12})\.([0-9]{2,9})$")
-# Of a clock's ticks, a step differs by no more than this part of the usual one.
+# Largest deviation of a clock's step, as a share of the usual step.
 _JITTER = 0.15
-# A step of more than so many usual ones is a pause.
+# A step of more than this many usual ones is a pause.
 _LONGEST = 1000
 
 
 @dataclass(frozen=True)
 class Times:
-    """A time in each of some names."""
+    """One time in each of some names."""
 
     spans: tuple[tuple[int, int], ...]
-    """Where it stands, from and to."""
+    """First and end position of the time in each name."""
     nanoseconds: tuple[int, ...]
 
     def holds(self, places: Sequence[int]) -> bool:
-        """Whether these places in the names are within the times."""
+        """Whether these positions in the names lie within the times."""
         return all(first <= place < last for (first, last), place in zip(self.spans, places, strict=True))
 
 
 def times_of(stems: Sequence[str]) -> Times | None:
-    """The time that every name has at the same place; none where they have none, or it is the same in all."""
+    """The time at the same place in every name; None if there is none, or it is the same in all names."""
     for form, value, tells_time in ((_MOMENT, _moment, _are_moments), (_SECONDS, _seconds, _are_seconds)):
         found = [form.search(stem) for stem in stems]
         matches = [match for match in found if match is not None]
@@ -49,7 +49,7 @@ def times_of(stems: Sequence[str]) -> Times | None:
 
 
 def steps_of_times(values: Sequence[int]) -> list[int]:
-    """The number of each time, counted in the steps of its clock; empty where it does not tick evenly."""
+    """The number of each time, in steps of its clock; empty if the clock does not tick evenly."""
     order = sorted(range(len(values)), key=values.__getitem__)
     steps = np.array([values[b] - values[a] for a, b in zip(order[:-1], order[1:], strict=True)], float)
     if not len(steps) or steps.min() <= 0:
@@ -65,21 +65,21 @@ def steps_of_times(values: Sequence[int]) -> list[int]:
 
 
 def _are_moments(matches: list[re.Match[str]]) -> bool:
-    """Not so where what would be a time of day, or a part of a second, counts up by one as a frame's number does."""
-    # What is the same in all is no part of a second, but a size or the like.
+    """False if the apparent time of day, or fraction of a second, counts up by one as a frame number does."""
+    # Digits that are the same in all names are no fraction of a second, but an image size or the like.
     end = 7 if len({match[7] for match in matches}) > 1 else 6
     last = [re.findall("[0-9]+", match.string[match.start() : match.end(end)])[-1] for match in matches]
     values = sorted(map(int, last))
     steps = [after - before for before, after in zip(values[:-1], values[1:], strict=True)]
     if min(steps, default=0) != 1 or min(map(len, last)) <= 2:
         return True
-    # A day's first hours are read as a number that is filled up with zeros.
+    # A time in the first hours of a day looks like a number padded with zeros.
     is_apart = all(match[7] == text for match, text in zip(matches, last, strict=True))
     return not is_apart and values[-1] >= 10 ** (len(last[0]) - 1)
 
 
 def _are_seconds(matches: list[re.Match[str]]) -> bool:
-    """Not so where the number before the point is a camera's, the same in all, or a frame's, another in each."""
+    """False if the number before the point is a camera's, the same in all names, or a frame's, different in each."""
     whole = {match[1] for match in matches}
     return 1 < len(whole) < len(matches) or max(map(int, whole)) >= 10**9
 
@@ -87,7 +87,7 @@ def _are_seconds(matches: list[re.Match[str]]) -> bool:
 def _moment(match: re.Match[str]) -> int | None:
     try:
         moment = datetime(*(int(match[part]) for part in range(1, 7)), tzinfo=UTC)
-    except ValueError:  # the 31st of a shorter month
+    except ValueError:  # such as the 31st of a shorter month
         return None
     return int(moment.timestamp()) * 10**9 + int((match[7] or "0").ljust(9, "0"))
 

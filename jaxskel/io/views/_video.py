@@ -1,4 +1,4 @@
-"""A video file."""
+"""Images as a video file."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,7 +11,7 @@ from ..files import fault, grab, opened, retrieve, size_of
 
 VIDEO_SUFFIXES = (".avi", ".mp4", ".mov", ".mkv", ".m4v", ".webm", ".mpg", ".mpeg", ".wmv")
 _MOST_FRAMES = 10_000_000  # a day at 100 frames a second: a header that claims more is damaged
-# Codes of codecs that keep values, if only where colours are not halved.
+# Codec codes that keep values exactly, at least without chroma subsampling.
 _LOSSLESS = (b"FFV1", b"HFYU", b"FFVH", b"LAGS", b"MPNG", b"PNG ", b"DIB ", b"BGR\x18", bytes(4))
 
 
@@ -19,10 +19,10 @@ class Video:
     """Frames of a video, numbered from 0."""
 
     def __init__(self, path: Path):
-        """Open the file and see how many frames there are.
+        """Open the file and count its frames.
 
         Raises:
-            ValueError: One line, where the file is no video.
+            ValueError: One line, if the file is no video.
         """
         self.path = path
         self._capture = opened(path)
@@ -39,25 +39,25 @@ class Video:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """None."""
+        """Empty: frames of a video need no notes."""
         return ()
 
     @property
     def numbers(self) -> range:
-        """All from 0."""
+        """Numbers of all frames, from 0."""
         return range(self.span[1] + 1)
 
     def keeps_values(self) -> bool:
-        """Whether its codec keeps values."""
+        """Whether the codec keeps values exactly."""
         code = int(self._capture.get(cv2.CAP_PROP_FOURCC)) & 0xFFFFFFFF
         return code.to_bytes(4, "little").upper() in _LOSSLESS
 
     def named(self, number: int) -> str:
-        """Its frame's number."""
+        """The frame's number, for messages."""
         return f"frame {number}"
 
     def glimpses(self) -> Iterator[UInt8[np.ndarray, "h w 3"]]:
-        """Frames near the end, the beginning and the middle, as far as they can be read."""
+        """Frames near the end, the beginning and the middle, those that can be read."""
         image, self._last_image = self._last_image, None
         if image is not None:
             yield image
@@ -70,12 +70,12 @@ class Video:
             self._restart()
 
     def read(self, number: int) -> UInt8[np.ndarray, "h w 3"] | None:
-        """A frame: blue, green, red; None outside of the video."""
+        """Read a frame as blue, green, red; None outside of the video."""
         if not 0 <= number <= self.span[1]:
             return None
         if number < self._next:
             self._restart()
-        # Seeking lands on another frame in some codecs; going through all of them does not.
+        # With some codecs, seeking lands on another frame, so read all frames in order.
         while self._next < number and grab(self._capture):
             self._next += 1
         image = retrieve(self._capture) if self._next == number and grab(self._capture) else None
@@ -92,7 +92,7 @@ class Video:
         self._capture, self._next = opened(self.path), 0
 
     def _has(self, last: int) -> bool:
-        """Whether the last frame is there: headers are written before, and some claim more."""
+        """Whether the last frame exists: headers are written before the frames, and some claim too many."""
         there = self._sought(last)
         if there:
             image = retrieve(self._capture)
@@ -101,7 +101,7 @@ class Video:
         return there
 
     def _sought(self, number: int) -> bool:
-        """Go to a frame; in some codecs it is one near it."""
+        """Seek to a frame; with some codecs this lands on a frame near it."""
         try:
             self._capture.set(cv2.CAP_PROP_POS_FRAMES, number)
         except cv2.error:

@@ -1,4 +1,4 @@
-"""One camera of a recording: its images, what is a silhouette in them, and how its clock runs."""
+"""One camera of a recording: its images, the rule that finds the silhouette in them, and its timing."""
 
 from dataclasses import dataclass
 
@@ -12,29 +12,29 @@ from ._masks import Matte
 
 @dataclass(frozen=True)
 class View:
-    """One camera's silhouettes, by the recording's frame numbers."""
+    """One camera's silhouettes by frame number of the recording."""
 
     name: str
     frames: Frames
     matte: Matte
     offset: int = 0
-    """Number of the image that belongs to the recording's frame 0."""
+    """Number of the image that belongs to frame 0 of the recording."""
     speed: float = 1.0
-    """Images for each frame of the recording: the camera's rate over the recording's."""
+    """Images for each frame of the recording: the camera's frame rate over the recording's."""
 
     @property
     def span(self) -> tuple[int, int]:
-        """The recording's first and last frame that this view has an image of."""
+        """First and last frame of the recording for which this view has an image."""
         first, last = self.frames.span
         lowest = int(np.ceil((first - self.offset - 0.5) / self.speed))
         highest = int(np.floor((last - self.offset + 0.5) / self.speed))
         return lowest + (self._image_of(lowest) < first), highest - (self._image_of(highest) > last)
 
     def silhouette(self, frame: int) -> Bool[np.ndarray, "h w"]:
-        """True where the person is; nowhere, where the camera has no image of this frame.
+        """True where the person is; all False if the camera has no image of this frame.
 
         Raises:
-            ValueError: One line that names the file, and the frame where the image cannot be used.
+            ValueError: One line that names the file, and the frame if its image is unusable.
         """
         number = self._image_of(frame)
         image = self.frames.read(number)
@@ -47,5 +47,5 @@ class View:
             raise fault(self.frames.path, None, f"{self.frames.named(number)} {error}") from None
 
     def _image_of(self, frame: int) -> int:
-        """The image taken nearest in time."""
+        """Number of the image nearest in time."""
         return int(np.floor(frame * self.speed + 0.5)) + self.offset

@@ -1,4 +1,4 @@
-"""Silhouettes made from views, each once."""
+"""Silhouettes made from views, each computed once."""
 
 import tempfile
 from collections.abc import Sequence
@@ -14,12 +14,12 @@ from ._view import View
 class ViewSilhouettes(AbstractSilhouettes):
     """Packed silhouettes of views, frame by frame.
 
-    Videos only go forwards and a background takes its time, so what has been made is kept, up to the frame that was
-    asked for last: in memory, or in a temporary file where it is long.
+    Videos can only be read forwards and background subtraction is slow, so all silhouettes up to the last requested
+    frame are kept: in memory, or in a temporary file if they are large.
     """
 
     def __init__(self, views: Sequence[View], numbers: Int[np.ndarray, " frames"], in_memory: int):
-        """Prepare for the frames of these numbers, in ascending order; more bytes than `in_memory` go into a file."""
+        """Prepare for frames of ascending numbers; silhouettes larger than `in_memory` (bytes) go into a file."""
         self._views, self._numbers = tuple(views), numbers
         width, height = np.max([view.frames.size for view in views], axis=0).tolist()
         self.shape = len(numbers), len(views), height, -(-width // 8)
@@ -33,7 +33,7 @@ class ViewSilhouettes(AbstractSilhouettes):
             self._packed = np.memmap(Path(self._file.name), np.uint8, "w+", shape=self.shape)
 
     def read(self, frames: Int[np.ndarray, " some"]) -> UInt8[np.ndarray, "some cams h w8"]:
-        """Some frames, which are made now if they have not been before.
+        """Read some frames, computing those that do not exist yet.
 
         Raises:
             ValueError: One line that names the file and the frame.
