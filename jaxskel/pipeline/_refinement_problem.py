@@ -39,7 +39,7 @@ def refinement_problem(
     """Do all that comes before the refinement.
 
     With ``Settings(search=None)`` the graph alone says where to start, which is quick; ``observed`` has outlines and
-    silhouettes only with a search, and the hull only where the settings' objective looks at it. A frame takes 3 MB per
+    silhouettes only with a search. A frame takes 3 MB per
     ten views then: pass some of the frames of a long recording.
 
     Raises:
