@@ -38,10 +38,7 @@ _LIBRARIES = ("jax", "jaxlib", "equinox", "optimistix", "lineax", "numpy")
 # In these modules, a name stands for the same object in every process, as long as the versions are the same.
 _KNOWN = (str(__package__).partition(".")[0], *_LIBRARIES, "builtins", "copyreg", "functools", "collections", "enum")
 # JAX settings that change what is compiled.
-_SWITCHES = (
-    "jax_enable_x64", "jax_default_matmul_precision", "jax_debug_nans", "jax_numpy_dtype_promotion",
-    "jax_disable_most_optimizations",
-)  # fmt: skip
+_SWITCHES = ("jax_enable_x64", "jax_default_matmul_precision", "jax_debug_nans", "jax_numpy_dtype_promotion")
 
 
 class CachedJit(Generic[P, R]):
@@ -183,7 +180,8 @@ def _canonical(leaf: Any) -> Any:
 
 
 def _switches() -> tuple[Any, ...]:
-    return tuple(getattr(jax.config, name) for name in _SWITCHES)
+    optimised = not jax.config.read("jax_disable_most_optimizations")  # pyright: ignore[reportAttributeAccessIssue]
+    return optimised, *(getattr(jax.config, name) for name in _SWITCHES)
 
 
 @cache
