@@ -6,7 +6,7 @@
     python benchmarks/accuracy.py SEQUENCE.npz ... --bones 0.05 --seed 1      with a mismeasured subject
     python benchmarks/accuracy.py SEQUENCE.npz ... --preset tracked           as with `jaxskel run --track`
 
-Prints the Markdown table of notebooks/accuracy.md, and how reliable the confidence of joints is. Every file is reconstructed by
+Prints the table of notebooks/accuracy.md, and how reliable the confidence of joints is. Every file is reconstructed by
 the defaults of `jaxskel run`. Errors are
 given with sides counted / with swaps forgiven; frames per second leave out the preparation of a file and compilation.
 Pin the process to one core (`taskset -c 0`) to measure what one core does.

@@ -2,7 +2,7 @@
 
     taskset -c 0 python benchmarks/speed.py SEQUENCE.npz [--repeat 5]
 
-Prints the Markdown table of notebooks/speed.md: milliseconds a frame and frames per second, medians over the repetitions.
+Prints the table of notebooks/speed.md: milliseconds a frame and frames per second, medians over the repetitions.
 Pin the process to one core, as above, to measure what one core does.
 """
 
