@@ -182,7 +182,7 @@ def test_a_real_rig_agrees_better_in_frames_that_were_not_used():
         silhouettes[:, view, : packed.shape[1], : packed.shape[2]] = packed
     cameras = make_cameras(calibration["K"], calibration["R"], calibration["t"], sizes, names=names)
     recording = Recording(cameras, silhouettes, 60.0, "+Z", np.arange(100))
-    used, others = np.arange(0, 100, 20), np.arange(10, 100, 20)
+    used, others = np.arange(0, 100, 10), np.arange(5, 100, 10)
     refined = refine_cameras(recording, used)
     assert refined.converged
     after = refine_cameras(replace(recording, cameras=refined.cameras), others, 1e-6, 1e-6).before

@@ -157,7 +157,7 @@ def test_areas_and_centroids_by_hand():
 
 
 @pytest.mark.parametrize(
-    ("areas", "lost"),
+    ("areas", "empty_views"),
     [
         ([900, 0, 1000, 900, 850, 800], [1]),
         ([900, 5, 1000, 900, 850, 800], [1]),
