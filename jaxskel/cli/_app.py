@@ -1,4 +1,4 @@
-"""The commands, and how they end: 0 done, 1 done but without a single pose, 2 wrong input."""
+"""The command line's entry point and its exit codes: 0 done, 1 done but without a single pose, 2 wrong input."""
 
 import io
 import sys
@@ -61,19 +61,19 @@ def _top(
         keep_compiled()
 
 
-# What all wrong uses of options and arguments raise; typer has no public name for it.
+# Base class of all errors in options and arguments; typer has no public name for it.
 _UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 
 
 def main() -> None:
-    """Run the command line; wrong input is one line on standard error and exit code 2."""
+    """Run the command line; wrong input gives one line on standard error and exit code 2."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # a name that the terminal has no letters for is still a name
+            stream.reconfigure(errors="backslashreplace")  # escape characters that the terminal cannot show
     try:
         code = app(standalone_mode=False)
     except _UsageError as error:
-        # Called without anything, it has printed its help.
+        # Without arguments, typer has already printed the help.
         if type(error).__name__ != "NoArgsIsHelpError":
             warn(_usage(error))
         sys.exit(2)
@@ -94,6 +94,6 @@ def _one_line(error: Exception) -> str:
 
 
 def _usage(error: Any) -> str:
-    """What is wrong with an option or argument, and where it is said what there is."""
+    """Describe an error in an option or argument, and point to the help."""
     command = error.ctx.command_path if error.ctx is not None else "jaxskel"
     return f"{' '.join(error.format_message().split()).rstrip('.')}; see {command} --help"

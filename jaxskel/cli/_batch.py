@@ -1,4 +1,4 @@
-"""`jaxskel batch`: many recordings to poses."""
+"""`jaxskel batch`: computes poses for many recordings."""
 
 import os
 import sys
@@ -74,10 +74,10 @@ def batch(
     sources = every if shard is None else _shard(shard).part(every)
     settings = make_settings(preset, spacing, max_misses, box, track)
     if subject is not None:
-        read_subject(subject)  # a fault of it is no recording's
+        read_subject(subject)  # check now, since its faults concern all recordings
     method = Method(settings, smooth_hz, subject, anyway)
     request = uuid4().hex if force else ""
-    if shard is not None or slurm is not None:  # each process sees its own part only
+    if shard is not None or slurm is not None:  # each process sees only its own part
         check_places(every, output, subject)
     if slurm is not None:
         say(submit(sources, output, method, jobs or 1, request, timeout, slurm, slurm_minutes, slurm_option or []))
@@ -100,7 +100,7 @@ def batch(
 
 
 class _Display:
-    """A progress bar on a terminal, otherwise a line for each recording, both on standard error."""
+    """Progress on standard error: a bar on a terminal, otherwise a line for each recording."""
 
     def __init__(self, total: int):
         self._console = Console(stderr=True)
@@ -121,14 +121,14 @@ class _Display:
         self._progress.stop()
 
     def start(self, before: int) -> None:
-        """Leave out what is done."""
+        """Exclude recordings that are already done."""
         self._total -= before
         self._progress.reset(self._task, total=self._total)
         if before:
             self._console.print(f"{before} recordings are done already", highlight=False)
 
     def event(self, event: Frames | Finished) -> None:
-        """Show how far it is."""
+        """Show the progress."""
         if isinstance(event, Frames):
             self._parts[event.source.name] = event.done / max(event.total, 1)
         else:

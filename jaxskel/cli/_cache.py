@@ -1,4 +1,4 @@
-"""What is compiled is kept on disk, so that from the second run on a command starts in seconds."""
+"""Keeps compiled code on disk, so that from the second run on a command starts in seconds."""
 
 import hashlib
 import os
@@ -12,18 +12,18 @@ from .._runtime.private_folders import is_private, make_private, say_shared
 
 
 def keep_compiled() -> None:
-    """Have JAX keep what it compiles, unless ``JAX_COMPILATION_CACHE_DIR`` tells it where already.
+    """Make JAX keep compiled code, unless ``JAX_COMPILATION_CACHE_DIR`` already sets the place.
 
-    Where others may write, nothing is loaded and nothing kept, and that is said.
+    If others may write to the folder, nothing is loaded or kept, and a warning says so.
     """
     told = os.environ.get("JAX_COMPILATION_CACHE_DIR")
-    if told == "" or (told is not None and "://" in told):  # nowhere, or in a bucket of a cloud
+    if told == "" or (told is not None and "://" in told):  # disabled, or a cloud bucket
         return
     folder = compiled_folder() if told is None else Path(told)
     try:
         make_private(folder)
         shared = not is_private(folder)
-    except OSError:  # JAX compiles without it
+    except OSError:  # JAX compiles without a cache
         shared = False
     if shared:
         say_shared(folder)
@@ -37,9 +37,9 @@ def keep_compiled() -> None:
 
 
 def forget_compiled() -> bool:
-    """Take back what `keep_compiled` told to processes that are started, and return whether it did.
+    """Undo what `keep_compiled` set for child processes, and return whether it had set anything.
 
-    On another machine the place may be another one.
+    On another machine the folder may be different.
     """
     ours = {option.upper(): str(value) for option, value in _options().items()}
     if any(os.environ.get(name) != value for name, value in ours.items()):
@@ -50,7 +50,7 @@ def forget_compiled() -> bool:
 
 
 def _options() -> dict[str, str | float]:
-    """Of JAX. Many small functions add up: all are kept."""
+    """Options of JAX. All functions are kept, since the many small ones add up."""
     return {
         "jax_compilation_cache_dir": str(compiled_folder()),
         "jax_persistent_cache_min_compile_time_secs": 0.0,
@@ -59,6 +59,6 @@ def _options() -> dict[str, str | float]:
 
 
 def compiled_folder() -> Path:
-    """The user's cache folder, one part for each kind of processor: a cluster's nodes may share it and still differ."""
+    """The user's cache folder, one part for each kind of processor, since differing cluster nodes may share it."""
     kind = hashlib.sha256(processor().encode()).hexdigest()[:12]
     return user_cache_path("jaxskel") / "compiled" / kind

@@ -1,4 +1,4 @@
-"""`jaxskel calibrate-body`: a subject's bone lengths and radii from a recording."""
+"""`jaxskel calibrate-body`: estimates a subject's bone lengths and radii from a recording."""
 
 from pathlib import Path
 from typing import Annotated
@@ -30,7 +30,7 @@ def calibrate_body(
 ) -> None:
     """Find the subject's bone lengths and radii from the silhouettes; dimensions in the recording are not looked at."""
     settings = make_settings(Preset.DEFAULT, spacing, max_misses, None)
-    # Dimensions that an earlier run found are not looked at, so they may be replaced.
+    # Dimensions found by an earlier run are not read, so they may be replaced.
     inputs = [path for path in files_of(source) if not (path.name == SUBJECT_FILE and is_ours(path))]
     output = chosen_file(output, SUBJECT_FILE, inputs, (".toml",))
     recording = read_recording(source)
@@ -48,7 +48,7 @@ def calibrate_body(
 
 
 def length_table(found: CalibratedBody) -> Table:
-    """Lengths with their uncertainty, and what they rest on."""
+    """Table of the lengths with their uncertainty and the evidence for them."""
     table = Table(title=f"lengths from {found.frames} frames")
     for column in ("length", "mm", "± mm", "guessed"):
         table.add_column(column, justify="right" if "mm" in column else "left")

@@ -1,4 +1,4 @@
-"""`jaxskel calibrate-cameras`: where the cameras are, from films of a checkerboard that all of them see."""
+"""`jaxskel calibrate-cameras`: calibrates camera poses from films of a checkerboard that all cameras see."""
 
 from pathlib import Path
 from typing import Annotated
@@ -17,8 +17,8 @@ from ._outputs import chosen_file
 from ._ranges import check_number
 from ._say import cell, say
 
-_MOST_CORNERS = 500  # of a board, along or across: no camera resolves more
-_MASKS = 3  # frames of a mask video that are looked at
+_MOST_CORNERS = 500  # of a board, along either side: no camera resolves more
+_MASKS = 3  # number of frames of a mask video that are used
 
 
 def calibrate_cameras(

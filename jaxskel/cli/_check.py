@@ -1,4 +1,4 @@
-"""`jaxskel check`: is the input as it should be? A verdict, and a picture of voxel box and hull in every view."""
+"""`jaxskel check`: judges the input, and draws the voxel box and the hull into every view."""
 
 from pathlib import Path
 from typing import Annotated
@@ -43,7 +43,7 @@ def check(
     if not 0 <= drawn < len(recording):
         raise ValueError(f"{source}: there is no frame {drawn}; give 0 to {len(recording) - 1}")
     verdict = judge(recording, thorough=True)
-    # No pose is needed, hence no body.
+    # No pose is needed, so skip the calibration of the body.
     prepared = prepare(recording, settings, calibrate=False)
     place = f"{source}"
     if prepared.table is not None:
@@ -63,7 +63,7 @@ def check(
 
 
 def _draw(recording: Recording, prepared: Prepared, verdict: Verdict, drawn: int, output: Path) -> None:
-    """Draw one frame; tabulate how much of the silhouettes the hulls cover in a few."""
+    """Draw one frame; tabulate the share of the silhouettes that the hulls cover in a few frames."""
     assert prepared.table is not None
     cameras, grid = prepared.cameras, prepared.table.grid
     chosen = np.unique(np.append(np.linspace(0, len(recording) - 1, _FRAMES).astype(int), drawn))

@@ -1,4 +1,4 @@
-"""`jaxskel demo`: the whole method on a scene that the package makes itself."""
+"""`jaxskel demo`: runs the whole method on a synthetic scene."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""`jaxskel evaluate`: poses against ground truth."""
+"""`jaxskel evaluate`: scores poses against ground truth."""
 
 import json
 from pathlib import Path
@@ -39,7 +39,7 @@ def evaluate(
 
 
 def score_poses(poses: Poses, truth: Truth, index: np.ndarray, source: str) -> Score:
-    """Score the frames that both have, by their frame index."""
+    """Score the frames that both have, matched by frame number."""
     rows = rows_by_index(source, index, poses)
     return score(poses.joints.astype(np.float64), truth.joints[rows], poses.has_pose)
 

@@ -1,4 +1,4 @@
-"""`jaxskel export`: poses to files that other programs open."""
+"""`jaxskel export`: writes poses in the formats of other programs."""
 
 from pathlib import Path
 from typing import Annotated
@@ -12,7 +12,7 @@ from ._outputs import check_output_file
 from ._poseless import end_without_pose
 from ._say import say
 
-# What opens each kind of file, for the list of kinds in errors.
+# Programs that open each kind of file, for error messages.
 _KINDS = {
     ".trc": "OpenSim, Pose2Sim",
     ".c3d": "motion capture laboratories",
@@ -58,7 +58,7 @@ def export(
 
 
 def _write(output: Path, poses: Poses, up: str | None, millimetres: bool) -> str:
-    """Write one file; return its unit, its up axis, and what became of frames without a pose."""
+    """Write one file; return its unit, its up axis, and how frames without a pose are written."""
     gaps = int((~poses.has_pose).sum())
     kind = output.suffix.lower()
     if kind == ".trc":

@@ -1,4 +1,4 @@
-"""`jaxskel init`: write down what a folder holds."""
+"""`jaxskel init`: writes a `recording.toml` for the content of a folder."""
 
 from pathlib import Path
 from typing import Annotated
@@ -49,14 +49,14 @@ def init(
 
 
 def _change(turn: int | None, crop: str | None, scale: str | None) -> ImageChange | None:
-    """What was done to images, as the keys of a recording.toml have it."""
+    """The change of the images that the options state, checked like the keys of a recording.toml."""
     given = {"turn": turn, "crop": _numbers(crop), "scale": _numbers(scale)}
     table = {key: value for key, value in given.items() if value is not None}
     return read_change(Path("jaxskel init"), "--", table) if table else None
 
 
 def _numbers(text: str | None) -> str | float | list[float] | None:
-    """Numbers between commas; what are none as they stand, for the message."""
+    """Numbers separated by commas; invalid text is returned unchanged, for the error message."""
     if text is None:
         return None
     try:

@@ -1,7 +1,7 @@
-"""Outputs are looked at before any work: that they can be written, and that nothing of the user's stands there.
+"""Checks outputs before any work: that they can be written, and that they replace no file of the user.
 
-A name that the user gives is written over, as by any tool, unless it is what the command reads. Under a name that the
-command chooses itself only a file that jaxskel wrote is replaced.
+A file that the user names is overwritten, as by any tool, unless the command reads it. Under a name that the command
+chooses itself, only a file that jaxskel wrote is replaced.
 """
 
 import os
@@ -13,7 +13,7 @@ from ..io.files import check_regular, is_ours
 from ..io.recordings import RECORDING_FILE, input_paths
 from ..io.views import is_image
 
-# Of a folder with a calibration in it.
+# Suffixes of calibration files in a folder.
 _CALIBRATIONS = (".yml", ".yaml", ".txt", ".json", ".xml")
 
 
@@ -32,12 +32,12 @@ def files_of(recording: Path) -> list[Path]:
 
 
 def check_output(folder: Path, names: Sequence[str] = (), inputs: Iterable[Path] = ()) -> None:
-    """Refuse a folder to write to that is none, cannot be written, or in which files are in the way.
+    """Refuse an output folder that is no folder, is not writable, or holds files in the way.
 
     Args:
-        folder: Where to write.
-        names: The files that the command writes there.
-        inputs: What it reads.
+        folder: Folder to write to.
+        names: Names of the files that the command writes there.
+        inputs: Files that the command reads.
 
     Raises:
         ValueError: One line that names the file in the way, or what cannot be written.
@@ -51,12 +51,12 @@ def check_output(folder: Path, names: Sequence[str] = (), inputs: Iterable[Path]
 
 
 def check_output_file(path: Path, inputs: Iterable[Path] = (), suffixes: Sequence[str] = ()) -> None:
-    """Refuse a file that the user names where it cannot be written, or is read.
+    """Refuse an output file named by the user that cannot be written, or that the command reads.
 
     Args:
         path: The file.
-        inputs: What the command reads.
-        suffixes: Those that it can write, if its name decides how it is written.
+        inputs: Files that the command reads.
+        suffixes: Allowed suffixes, if the suffix decides the format.
 
     Raises:
         ValueError: One line that names the file.
@@ -70,7 +70,7 @@ def check_output_file(path: Path, inputs: Iterable[Path] = (), suffixes: Sequenc
 
 
 def chosen_file(path: Path | None, default: str, inputs: Iterable[Path] = (), suffixes: Sequence[str] = ()) -> Path:
-    """The file that the user names, or else that of the default name; either is checked.
+    """The file that the user names, or else the default one, checked in either case.
 
     Raises:
         ValueError: One line that names the file.
@@ -97,7 +97,7 @@ def _check_apart(output: Path, inputs: Iterable[Path]) -> None:
 
 
 def _is_one_of(output: Path, source: Path) -> bool:
-    """Whether a file is an input, or would be one in a folder of images or of a calibration's files."""
+    """Whether a file is an input, or would become one in a folder of images or calibration files."""
     try:
         if source.is_dir():
             read = is_image(output) or output.suffix.lower() in _CALIBRATIONS

@@ -1,4 +1,4 @@
-"""How commands end that were given poses without a single one: done, but it is told."""
+"""Ends commands that were given poses without a single one: done, but with a message."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from ._say import warn
 
 
 def end_without_pose(path: Path, poses: Poses) -> None:
-    """End with exit code 1 where no frame has a pose, and say so."""
+    """Print a message and end with exit code 1 if no frame has a pose."""
     if not poses.has_pose.any():
         warn(f"{path}: no frame has a pose")
         raise typer.Exit(1)

@@ -12,12 +12,12 @@ from ..pipeline import Prepared, Settings, prepare, reconstruct_batches, reconst
 from ..poses import Poses, join_poses
 from ..recording import Recording
 
-# A joint less sure than this is as likely to be elsewhere.
+# Typical confidence below which poses are doubtful: such a joint is as likely to be elsewhere.
 _DOUBTFUL = 0.5
 
 
 class StageTimes:
-    """Seconds spent in each stage; those of the first batch, which compiles, apart."""
+    """Seconds spent in each stage, with those of the first batch, which compiles, kept apart."""
 
     def __init__(self) -> None:
         self.first: dict[str, float] = {}
@@ -31,12 +31,12 @@ class StageTimes:
         self._inner = 0.0
         yield
         elapsed = time.perf_counter() - start
-        # A stage within a stage counts by itself.
+        # Do not count nested stages twice.
         self.later[stage] += elapsed - self._inner
         self._inner = outer + elapsed
 
     def end_of_batch(self, frames: int) -> None:
-        """Count the frames of a batch; what came before the end of the first one is start-up."""
+        """Count the frames of a batch; all time before the end of the first one is start-up."""
         if self.first:
             self.later_frames += frames
         else:
@@ -44,7 +44,7 @@ class StageTimes:
 
     def __str__(self) -> str:
         text = f"start-up {sum(self.first.values()):.1f} s"
-        # Frames without any person go through no stage, in no time.
+        # Frames without any person skip all stages and take no time.
         if self.later_frames and sum(self.later.values()) > 0:
             text += f", then {self.later_frames / sum(self.later.values()):.1f} fps"
         return text
@@ -81,7 +81,7 @@ def reconstruct_with_progress(
 
 
 def _timed(batches: Iterator[Poses], times: StageTimes) -> Iterator[Poses]:
-    """The batches, and how long each was waited for."""
+    """The batches, while measuring the wait for each."""
     while True:
         with times("wait"):
             part = next(batches, None)
@@ -91,7 +91,7 @@ def _timed(batches: Iterator[Poses], times: StageTimes) -> Iterator[Poses]:
 
 
 def summary(poses: Poses, times: StageTimes) -> str:
-    """Frames, failures by kind, start-up time and frames per second."""
+    """Frames, failures by kind, start-up time and frames per second, in one line."""
     notes = [f"{count} {name}" for name, count in poses.counts().items() if name != "ok"]
     with_pose = int(poses.has_pose.sum())
     kinds = f" ({', '.join(notes)})" if notes else ""
@@ -100,7 +100,7 @@ def summary(poses: Poses, times: StageTimes) -> str:
 
 
 def doubt(poses: Poses, settings: Settings) -> str | None:
-    """What to think of if most poses are not to be trusted."""
+    """Advice if most poses are unreliable; None otherwise."""
     if not poses.has_pose.any() or poses.typical_confidence > _DOUBTFUL:
         return None
     if settings.search is None:

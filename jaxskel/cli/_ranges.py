@@ -1,10 +1,10 @@
-"""Numbers that options may have: those beyond are slips of the pen, or would fill the memory."""
+"""Checks ranges of numeric options: values beyond are typing errors, or would fill the memory."""
 
 _DIGITS = 20
 
 
 def check_number(option: str, value: int | float | None, least: float, most: float, what: str) -> None:
-    """Refuse a number outside of a range, and what is none (NaN).
+    """Refuse a number outside of a range, or NaN; None is accepted.
 
     Raises:
         ValueError: One line that names the option.

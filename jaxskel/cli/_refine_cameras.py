@@ -1,4 +1,4 @@
-"""`jaxskel refine-cameras`: extrinsics that make the silhouettes agree."""
+"""`jaxskel refine-cameras`: refines extrinsics until the silhouettes agree."""
 
 from pathlib import Path
 from typing import Annotated
@@ -55,7 +55,7 @@ def refine_cameras(
 
 
 def refinement_table(found: RefinedCameras) -> Table:
-    """By how much each camera turned and moved."""
+    """Table of how far each camera rotated and moved."""
     table = Table(title="cameras refined by silhouettes")
     for column in ("camera", "turned °", "moved mm", ""):
         table.add_column(column, justify="right" if column and column != "camera" else "left")

@@ -1,4 +1,4 @@
-"""`jaxskel report`: a recording and its poses as one HTML page."""
+"""`jaxskel report`: writes a recording and its poses as one HTML page."""
 
 from pathlib import Path
 from typing import Annotated
@@ -15,7 +15,7 @@ from ._ranges import check_number
 from ._run import Recorded
 from ._say import say
 
-_LARGEST = 2000  # MB; no browser opens more
+_LARGEST = 2000  # MB; no browser opens a larger page
 
 
 def report(

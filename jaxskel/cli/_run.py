@@ -1,4 +1,4 @@
-"""`jaxskel run`: a recording to poses."""
+"""`jaxskel run`: computes the poses of a recording."""
 
 from dataclasses import replace
 from enum import StrEnum
@@ -23,9 +23,9 @@ from ._say import say, warn
 from ._verdict import Anyway
 
 MOST_JOBS = 256
-"""Processes at once: a machine's cores, and some to spare."""
+"""Largest number of processes: the cores of a large machine, and some to spare."""
 POSES_FILES = ("poses.npz", "poses.csv")
-_FARTHEST = 1e4  # m; farther away nobody is recorded
+_FARTHEST = 1e4  # m; nobody is recorded farther away
 
 Recorded = Annotated[Path, typer.Argument(metavar="RECORDING", help="Folder with a recording.toml, or sequence file.")]
 Spacing = Annotated[float, typer.Option(help="Edge length of a voxel (m).")]
@@ -98,7 +98,7 @@ def run(
 def make_settings(
     preset: Preset, spacing: float, max_misses: int | None, box: tuple[float, ...] | None, track: bool = False
 ) -> Settings:
-    """Settings from options."""
+    """Make settings from options."""
     if track and preset is Preset.PAPER:
         raise ValueError("--track: the paper's method treats each frame by itself; leave out --track or --preset")
     check_number("--spacing", spacing, 1e-3, 1.0, "the edge of a voxel in metres")
@@ -111,7 +111,7 @@ def make_settings(
 
 
 def _corners(box: tuple[float, ...]) -> np.ndarray:
-    """Lower and upper corner (m)."""
+    """Lower and upper corner of the box (world, m)."""
     for value in box:
         check_number("--box", value, -_FARTHEST, _FARTHEST, "lower x, y, z and upper x, y, z in metres")
     corners = np.array(box, np.float64).reshape(2, 3)

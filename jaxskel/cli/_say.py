@@ -1,4 +1,4 @@
-"""What commands print: names come from files, and are never taken for markup or for a terminal's commands."""
+"""Prints messages; names from files are never interpreted as markup or as terminal commands."""
 
 import sys
 
@@ -18,5 +18,5 @@ def warn(line: str) -> None:
 
 
 def cell(text: str) -> Text:
-    """A table's cell that shows a text as it stands: rich takes brackets in a plain one for markup."""
+    """A table cell that shows text literally: in plain strings, rich interprets brackets as markup."""
     return Text(plain(text))

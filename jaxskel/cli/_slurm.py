@@ -1,4 +1,4 @@
-"""`jaxskel batch --slurm`: the batch as an array of tasks on a cluster."""
+"""`jaxskel batch --slurm`: runs the batch as an array of tasks on a cluster."""
 
 import signal
 import sys
@@ -12,14 +12,14 @@ from ..batch import PROCESS_BYTES, Finished, Method, Progress, Shard, Source, fi
 from ._cache import forget_compiled, keep_compiled
 
 FOLDER = ".slurm"
-"""Below the output: what submitit writes, and what the tasks say."""
+"""Subfolder of the output for submitit's files and the tasks' messages."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """A part of the batch: what submitit sends, and what runs on the node.
+    """A part of the batch, which submitit sends and a node runs.
 
-    However often it is started, the same recordings are its own, and what is done is not done again.
+    A restarted task has the same recordings, and skips those that are done.
     """
 
     sources: list[Source]
@@ -29,13 +29,13 @@ class Task:
     request: str
     timeout: float
     kept: bool
-    """Whether compiled code is kept for the next run, there where the node keeps it."""
+    """Whether compiled code is kept for the next run, in the node's own cache folder."""
 
     def __call__(self) -> dict[str, str]:
-        """Do it; return what became of each recording."""
+        """Process the recordings; return the result of each."""
         if self.kept:
             keep_compiled()
-        # Otherwise submitit takes no notice of it, and Slurm starts the task again while this one still runs.
+        # Otherwise submitit ignores the signal, and Slurm starts the task again while this one still runs.
         stop_when_told()
         count = 0
 
@@ -49,14 +49,14 @@ class Task:
         return {name: str(manifest.outcome) for name, manifest in (found.before | found.now).items()}
 
     def checkpoint(self) -> Any:
-        """Near its time limit, or where it has to make room, it is put back into the queue."""
+        """Requeue the task near its time limit, or when it is preempted."""
         from submitit.helpers import DelayedSubmission
 
         return DelayedSubmission(self)
 
 
 def stop_when_told() -> None:
-    """End as by a person at the keyboard where a scheduler says so."""
+    """Make a scheduler's signal end the process as an interrupt from the keyboard does."""
 
     def stop(number: int, frame: FrameType | None) -> None:
         raise KeyboardInterrupt
@@ -75,10 +75,10 @@ def submit(
     minutes: int,
     options: Sequence[str],
 ) -> str:
-    """Send the recordings that are not done as an array of tasks, and say so.
+    """Submit the recordings that are not done as an array of tasks, and describe it.
 
     Raises:
-        ValueError: submitit or Slurm is missing, or an option is none.
+        ValueError: submitit or Slurm is missing, or an option is invalid.
     """
     left = [source for source in sources if finished_before(source, output, method, request) is None]
     if not left:
@@ -91,7 +91,7 @@ def submit(
     if not all(key and sign for key, sign, _ in pairs):
         raise ValueError(f"--slurm-option {' '.join(options)}: give KEY=VALUE, such as partition=long")
     count = min(tasks, len(left))
-    # The node may begin in another folder.
+    # The node may start in another folder.
     left = [_absolute(source) for source in left]
     method = replace(method, subject=None if method.subject is None else method.subject.absolute())
     kept = forget_compiled()

@@ -1,4 +1,4 @@
-"""`jaxskel summary`: what became of the recordings of a batch."""
+"""`jaxskel summary`: tabulates the results of a batch."""
 
 from pathlib import Path
 from typing import Annotated
@@ -32,7 +32,7 @@ def summary(
         check_summary(output)
     check_output_file(output, [file for name in found for file in ResultFolder(folder, name).files])
     rows = [summary_row(name, manifest) for name, manifest in found.items()]
-    shown = len(COLUMNS) - 1  # not where the recording lies
+    shown = len(COLUMNS) - 1  # without the recording's path
     table = Table()
     for column in COLUMNS[:shown]:
         text = column in ("name", "outcome", "problem")

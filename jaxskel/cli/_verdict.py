@@ -1,4 +1,4 @@
-"""The option that goes on against the verdict on a recording."""
+"""The option to continue in spite of the verdict on a recording."""
 
 from typing import Annotated
 

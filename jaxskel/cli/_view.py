@@ -1,4 +1,4 @@
-"""`jaxskel view`: a recording in an interactive 3D viewer."""
+"""`jaxskel view`: shows a recording in an interactive 3D viewer."""
 
 from pathlib import Path
 from typing import Annotated
@@ -69,7 +69,7 @@ def view(
 
 
 def _slice(frames: str, recording: Recording) -> slice:
-    """The frames of ``A:B``."""
+    """Parse ``A:B`` to a slice of frames."""
     start, colon, stop = frames.partition(":")
     if colon and all(part == "" or part.isdecimal() for part in (start, stop)):
         chosen = slice(int(start or 0), int(stop or len(recording)))

@@ -1,4 +1,4 @@
-"""Drawings on the views: silhouette, voxel box, hull and skeleton, tiled to one picture."""
+"""Draws silhouette, voxel box, hull and skeleton over the views, and tiles images."""
 
 from collections.abc import Sequence
 
@@ -13,23 +13,23 @@ from ..hull import VoxelGrid
 
 Image = UInt8[np.ndarray, "h w 3"]
 
-# BGR, as OpenCV has it. Left is red, right is blue.
+# Colours in OpenCV's order, BGR. Left is red, right is blue.
 BACKGROUND, PERSON = (40, 36, 34), (200, 200, 200)
 LEFT, RIGHT, MIDDLE, HULL, BOX = (60, 60, 230), (230, 120, 40), (60, 170, 60), (80, 200, 250), (200, 140, 230)
 
 
 def draw_silhouette(mask: Bool[np.ndarray, "h w"]) -> Image:
-    """The person in light grey on dark."""
+    """The silhouette in light grey on dark."""
     return np.where(mask[..., None], np.array(PERSON, np.uint8), np.array(BACKGROUND, np.uint8))
 
 
 def draw_hull(image: Image, hull: Bool[np.ndarray, "h w"]) -> None:
-    """Tint what the hull covers."""
+    """Tint the pixels that the hull covers."""
     image[hull] = (0.6 * image[hull] + 0.4 * np.array(HULL)).astype(np.uint8)
 
 
 def draw_skeleton(image: Image, cameras: Cameras, view: int, joints: Float[np.ndarray, "joints=15 3"]) -> None:
-    """Draw the bones of a pose; a pose of NaN leaves the image as it is."""
+    """Draw the bones of a pose (world, m); a pose of NaN leaves the image unchanged."""
     if not np.isfinite(joints).all():
         return
     u, v, _ = (np.asarray(a[0]) for a in project(cameras[[view]], np.asarray(joints, np.float64)))
@@ -45,13 +45,13 @@ def draw_skeleton(image: Image, cameras: Cameras, view: int, joints: Float[np.nd
 
 
 def draw_box(image: Image, cameras: Cameras, view: int, grid: VoxelGrid) -> None:
-    """Draw the edges of the voxel grid."""
+    """Draw the edges of the voxel grid (world, m)."""
     low, high = np.asarray(grid.origin), grid.upper
     corners = np.array([[(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]] for i, j, k in np.ndindex(2, 2, 2)])
     for a in range(8):
         for b in range(a + 1, 8):
             if (a ^ b) in (1, 2, 4):
-                # In steps, because a lens bends lines, and an edge may run behind the camera.
+                # In steps, because lens distortion bends lines and an edge may run behind the camera.
                 along = np.linspace(0, 1, 33)[:, None]
                 u, v, _ = project(cameras[[view]], corners[a] + along * (corners[b] - corners[a]))
                 ends = np.stack([u[0], v[0]], -1)
@@ -77,7 +77,7 @@ def tile(images: Sequence[Image], labels: Sequence[str], columns: int, width: in
 
 
 def _line(image: Image, start, end, colour: tuple[int, int, int], thickness: int) -> None:
-    # OpenCV takes 32-bit integers; a point far outside of the image would wrap around.
+    # OpenCV takes 32-bit integers, which a point far outside the image would overflow.
     limit = 4 * max(image.shape)
     a, b = (tuple(int(np.clip(round(float(x)), -limit, limit)) for x in point) for point in (start, end))
     cv2.line(image, a, b, colour, thickness, cv2.LINE_AA)

@@ -1,4 +1,4 @@
-"""Figures of the stages of one frame, after the paper's Figure 1 and 2: hull, graph, labels, skeleton."""
+"""Figures of the stages of one frame, like the paper's Figures 1 and 2: hull, graph, labels, skeleton."""
 
 from pathlib import Path
 
@@ -17,7 +17,8 @@ from ..poses import Poses
 from ..recording import Recording, unpack_silhouettes
 from ._overlays import draw_silhouette, tile
 
-# Left minus right of these joints is to the left of the person; 25 degrees aside show depth and still hide no limb.
+# The vector from right to left of these joints points to the person's left. 25 degrees off the front shows depth and
+# hides no limb.
 _ACROSS = ("hip", "shoulder")
 _ASIDE = 25.0
 _COLOURS = {"l_": "#d9342b", "r_": "#2b6cd9", "": "#2e8b40"}
@@ -25,7 +26,7 @@ _LABELS = ("head", "left hand", "right hand", "left foot", "right foot")
 
 
 class Stages(eqx.Module):
-    """What each stage made of one frame, in the world with z up."""
+    """Results of each stage for one frame, in a world with z up (m)."""
 
     hull: VisualHulls
     graph: SkeletalGraph
@@ -34,7 +35,7 @@ class Stages(eqx.Module):
 
 
 def stages_of(recording: Recording, prepared: Prepared, settings: Settings, frame: int) -> Stages | None:
-    """Run the stages on one frame and keep what each of them made; None where there is no person."""
+    """Run all stages on one frame and keep their results; None if there is no person."""
     silhouettes = recording.silhouettes[frame : frame + 1]
     found = observe_batch(silhouettes, prepared, settings, outlines=False)
     if found.labelled is None:
@@ -47,7 +48,7 @@ def stages_of(recording: Recording, prepared: Prepared, settings: Settings, fram
 
 
 def telling_frame(poses: Poses) -> int:
-    """The frame with a pose whose hands are farthest from the trunk: there, hull and graph show every limb.
+    """The frame whose pose has the hands farthest from the trunk, so that hull and graph show every limb.
 
     Raises:
         ValueError: No frame has a pose.
@@ -92,7 +93,7 @@ def plot_stages(recording: Recording, prepared: Prepared, settings: Settings, fr
 
 
 def _azimuth_before(joints: np.ndarray) -> float:
-    """From where a person is seen from the front, a little from the side (degrees); from anywhere without a pose."""
+    """Azimuth of a view of the person from the front, slightly to the side (degrees); a default without a pose."""
     if not np.isfinite(joints).all():
         return -60.0
     left = sum(joints[JOINT_NAMES.index("l_" + name)] - joints[JOINT_NAMES.index("r_" + name)] for name in _ACROSS)
@@ -101,7 +102,7 @@ def _azimuth_before(joints: np.ndarray) -> float:
 
 
 def _cropped(mask: np.ndarray) -> np.ndarray:
-    """A square window around the person."""
+    """The part of a mask in a square window around the person."""
     rows, columns = np.nonzero(mask)
     half = int(0.55 * max(np.ptp(rows), np.ptp(columns))) + 4
     v, u = int(rows.min() + rows.max()) // 2 + half, int(columns.min() + columns.max()) // 2 + half

@@ -1,4 +1,4 @@
-"""Pictures of a score, drawn without a screen."""
+"""Plots of a score, without a display."""
 
 from pathlib import Path
 
@@ -13,15 +13,15 @@ from ..poses import CURVE_THRESHOLDS_MM, Score
 
 
 def plot_score(score: Score, path: str | Path) -> None:
-    """Draw a score as Figure 3 of Straka et al. (BMVC 2011) does.
+    """Plot a score like Figure 3 of Straka et al. (BMVC 2011).
 
-    On the left the distances of each joint from the truth (mm) over frames with a pose: median, quartiles,
-    whiskers at the 5th and 95th percentile. On the right the share of frames in which a joint is within a
-    threshold (mm), where a frame without a pose counts against every joint.
+    Left: the distances of each joint from the ground truth (mm) over frames with a pose, as median, quartiles and
+    whiskers at the 5th and 95th percentile. Right: the share of frames in which a joint is within a threshold (mm); a
+    frame without a pose counts against every joint.
 
     Args:
-        score: What to draw, sides counted.
-        path: The picture; its ending tells the format (.png, .pdf, .svg).
+        score: The score, with left and right told apart.
+        path: The image file; its suffix decides the format (.png, .pdf, .svg).
     """
     figure = Figure(figsize=(12, 5), layout="constrained")
     FigureCanvasAgg(figure)
@@ -35,7 +35,7 @@ def plot_score(score: Score, path: str | Path) -> None:
 
 def _draw_boxes(axes: Axes, score: Score) -> None:
     distances = 1000 * score.distances[score.has_pose]
-    # A joint that is missing from a pose is infinitely far, which no box can show.
+    # A joint that is missing from a pose has an infinite distance, which a box plot cannot show.
     shown = [column[np.isfinite(column)] for column in distances.T]
     axes.boxplot(
         shown, tick_labels=list(JOINT_NAMES), whis=(5, 95), showfliers=False,

@@ -1,4 +1,4 @@
-"""A board in the frames of a video, or in one picture."""
+"""Finds a board in the frames of a video, or in one picture."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,8 +11,8 @@ from jaxtyping import Float, UInt8
 from ...io.files import fault, grab, is_picture, opened, read_image, retrieve
 from ._board import LOOKS, Board, search
 
-_FRAMES = 5  # of a board at rest: enough to tell whether it rests
-# Corners of a board at rest are found to a tenth of a pixel; what moves by more than that is not at rest (px).
+_FRAMES = 5  # number of frames, enough to tell whether the board is at rest
+# Largest movement of a board at rest (px): its corners are found to a tenth of a pixel.
 _AT_REST = 0.5
 
 
@@ -21,17 +21,17 @@ class StillBoard:
     """Where a camera sees a board at rest."""
 
     corners: Float[np.ndarray, "corners 2"]
-    """Mean over the frames (px), in the order of `Board.points`."""
+    """Mean over the frames, in the order of `Board.points` (px)."""
     spread: float
-    """Of the corners over the frames: root mean square distance from their mean (px); 0 for a single picture."""
+    """Root mean square distance of the corners from their mean over the frames (px); 0 for a single picture."""
     frames: int
-    """In how many frames the board was found."""
+    """Number of frames in which the board was found."""
     size: tuple[int, int]
     """Width and height of the images (px)."""
 
 
 def still_board(film: str | Path, board: Board) -> StillBoard:
-    """Find a board that does not move in some frames of a video, or in a picture.
+    """Find a board at rest in some frames of a video, or in a picture.
 
     Raises:
         ValueError: The film cannot be read, shows no board, or one that moves.
@@ -44,7 +44,7 @@ def still_board(film: str | Path, board: Board) -> StillBoard:
         if seen is not None:
             corners, look = seen
             looks = (look, *LOOKS)
-            # Frame by frame, a symmetric board may be found from its other end.
+            # A symmetric board may be found from its other end in each frame.
             turned = board.symmetric and found and _apart(corners[::-1], found[0]) < _apart(corners, found[0])
             found.append(corners[::-1] if turned else corners)
     if not found:
@@ -64,10 +64,10 @@ def still_board(film: str | Path, board: Board) -> StillBoard:
 
 
 def some_frames(film: str | Path, count: int) -> Iterator[UInt8[np.ndarray, "h w 3"]]:
-    """Frames of a video, evenly spread, in the order of time; all if there are fewer; a picture as one frame.
+    """At most `count` frames of a video, evenly spread, in temporal order; a picture counts as one frame.
 
     Raises:
-        ValueError: The file is not there, or is no video or picture; one line that names it.
+        ValueError: The file does not exist, or is no video or picture; one line that names it.
     """
     film = Path(film)
     if is_picture(film):
@@ -76,7 +76,7 @@ def some_frames(film: str | Path, count: int) -> Iterator[UInt8[np.ndarray, "h w
     capture = opened(film)
     try:
         total = capture.get(cv2.CAP_PROP_FRAME_COUNT)
-        # The header's count may be off by some frames, and seeking lands on key frames: hence one after the other.
+        # The frame count of the header may be off, and seeking lands on key frames, so read all frames in order.
         wanted = set(((np.arange(count) + 0.5) * max(total, 1.0) / count).astype(int).tolist())
         number, given = 0, 0
         while number <= max(wanted) and grab(capture):

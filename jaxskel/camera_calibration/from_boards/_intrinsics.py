@@ -1,4 +1,4 @@
-"""The lens of a camera, from a video in which a board is moved about in front of it."""
+"""Calibrates the intrinsics of a camera from a video in which a board is moved in front of it."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,35 +10,35 @@ from jaxtyping import Float
 from ._board import LOOKS, Board, search
 from ._films import some_frames
 
-_FRAMES = 30  # more of them hardly change a lens, and each costs a second where no board is seen
-# A board that is held before the camera is not foreshortened much.
+_FRAMES = 30  # more frames hardly change the result, and each costs a second if no board is visible
+# A board held in front of the camera is not foreshortened much, so no stretched images are tried.
 _LOOKS = LOOKS[:2]
 _LENGTHS = (
     0.6,
     1.2,
     2.4,
-)  # focal lengths, as parts of the image's longer side: fields of view of 80, 45 and 24 degrees
-_LEAST = 6  # views of a plane: three determine a lens without distortion, twice as many make an error show
+)  # focal lengths, as shares of the image's longer side: fields of view of 80, 45 and 24 degrees
+_LEAST = 6  # views of a plane: three determine a lens without distortion, twice as many reveal an error
 
 
 @dataclass(frozen=True)
 class Intrinsics:
-    """A camera's lens and image."""
+    """Intrinsics of a camera, and its image size."""
 
     K: Float[np.ndarray, "3 3"]
-    """(px)"""
+    """Intrinsic matrix (px)."""
     dist: Float[np.ndarray, " n"]
-    """OpenCV's k1, k2, p1, p2 and, if given, k3, k4, k5, k6; of a fisheye lens cv2.fisheye's k1, k2, k3, k4."""
+    """OpenCV's k1, k2, p1, p2 and optionally k3, k4, k5, k6; for a fisheye lens k1, k2, k3, k4 of cv2.fisheye."""
     size: tuple[int, int]
     """Width and height of the image (px)."""
     rms: float | None = None
-    """Of the corners that it was found from (px)."""
+    """Root mean square reprojection error of the corners (px); None if the lens was read from a file."""
     fisheye: bool = False
-    """Whether the lens model is that of `cv2.fisheye`: such lenses are read from a file, not found from a film."""
+    """Whether the lens model is that of `cv2.fisheye`; such lenses are only read from files, not calibrated here."""
 
 
 def board_intrinsics(film: str | Path, board: Board) -> Intrinsics:
-    """Find the intrinsics of a camera from a film of a board that is turned and moved all over its image.
+    """Calibrate a camera from a film of a board that is tilted and moved over the whole image.
 
     Raises:
         ValueError: The board is seen in too few frames.
@@ -56,7 +56,7 @@ def board_intrinsics(film: str | Path, board: Board) -> Intrinsics:
             f"frames; {_LEAST} are needed: hold it still, tilted, at several places of the image"
         )
     points = [board.points[:, None].astype(np.float32)] * len(views)
-    # OpenCV's own start is poor where all tilts are alike; a descent from a wide, a usual or a long lens is not.
+    # OpenCV's own start value is poor if all tilts are alike; starting from a wide, a normal and a long lens is safe.
     best = None
     for length in _LENGTHS:
         focal, (width, height) = length * max(size), size

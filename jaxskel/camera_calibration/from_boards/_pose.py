@@ -1,4 +1,4 @@
-"""From the corners of a board in one image to where the camera is."""
+"""Computes the pose of a camera from the corners of a board in one image."""
 
 import cv2
 import numpy as np
@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 from ...cameras import make_cameras, project, rays_in_camera
 from ._board import Board
 
-# What a corner that is not seen is off (px): more than any that is.
+# Reprojection error of a corner that the lens model cannot show (px): more than any real one.
 _UNSEEN = 1e5
 
 
@@ -19,16 +19,16 @@ def camera_pose(
     dist: Float[np.ndarray, " n"],
     fisheye: bool = False,
 ) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3"], float]:
-    """Pose of a camera of known lens in the frame of the board: ``x_cam = R x + t``.
+    """Pose of a camera with known intrinsics in the frame of the board: ``x_cam = R x + t``.
 
-    Both poses from which a plane looks much the same (Collins and Bartoli's IPPE) are refined by Levenberg-Marquardt
-    through the lens distortion, and the one that fits better is taken.
+    A plane looks nearly the same from two poses (Collins and Bartoli's IPPE). Both are refined by Levenberg-Marquardt
+    with lens distortion, and the better fit is returned.
 
     Returns:
-        R, t (m), and the root mean square distance of corners and their projections (px).
+        R, t (m), and the root mean square distance between corners and their projections (px).
 
     Raises:
-        ValueError: The lens is a fisheye and shows nothing where some of the corners are.
+        ValueError: The lens is a fisheye that cannot show some of the corners.
     """
     if fisheye:
         return _fisheye_pose(corners, board, K, dist)

@@ -1,4 +1,4 @@
-"""Extrinsics of a rig from a board that lies or stands at one place that all cameras see."""
+"""Calibrates the extrinsics of a rig from a board at one fixed place that all cameras see."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,26 +14,26 @@ from ._intrinsics import Intrinsics
 from ._pose import camera_pose
 from ._turns import settle_turns, turned
 
-# A board that fits worse than this is not flat, or was filmed through another lens than the intrinsics say: many
-# times what its corners are off (px of an image of 1000 px, and in proportion).
+# A board that fits worse is not flat, or was filmed with another lens than the intrinsics: this is many times the error
+# of its corners (px in an image of 1000 px, scaled with the size).
 _WORST_FIT = 1.0
 
 
 @dataclass(frozen=True)
 class BoardCalibration:
-    """A rig calibrated by a board, and how well the board fits."""
+    """A rig calibrated with a board, and how well the board fits."""
 
     cameras: Cameras
-    """In the frame of the board (m): origin at its centre, x along its rows, z out of its face, where the cameras are.
-    Of a board on the floor, z is up."""
+    """In the frame of the board (m): origin at its centre, x along its rows, z out of its face, towards the cameras.
+    For a board on the floor, z points up."""
     rms: Float[np.ndarray, " cams"]
-    """Root mean square distance of the corners from where the calibration puts them (px)."""
+    """Root mean square distance between the corners and their projections (px)."""
     spread: Float[np.ndarray, " cams"]
-    """Of the corners over the frames of the film (px)."""
+    """Root mean square distance of the corners from their mean over the film (px)."""
     turned: tuple[str, ...]
-    """Cameras that saw a symmetric board from its other end, which was settled by the silhouettes or given."""
+    """Cameras that saw a symmetric board from its other end, as the silhouettes showed or the caller stated."""
     coverage: float | None
-    """Of the silhouettes by the hull, if they settled it."""
+    """Share of the silhouettes that the hull covers, if they decided the ends of the board."""
 
 
 def calibrate_cameras(
@@ -43,18 +43,18 @@ def calibrate_cameras(
     silhouettes: UInt8[np.ndarray, "frames cams h w8"] | None = None,
     turned_cameras: Sequence[str] | None = None,
 ) -> BoardCalibration:
-    """Find where the cameras are from films of one board at one place.
+    """Calibrate the camera poses from films of one board at one place.
 
-    A symmetric board, of two even or two odd numbers of corners, does not show which of its ends is the first. It is
-    settled by silhouettes of a person in these views, or has to be given.
+    A symmetric board, whose numbers of corners are both even or both odd, does not show which of its ends is the first.
+    Silhouettes of a person in these views decide it, or the caller has to state it.
 
     Args:
-        films: A video or a picture by the name of its camera.
+        films: A video or a picture for each camera name.
         board: The board.
-        intrinsics: Of each camera by name.
+        intrinsics: Intrinsics of each camera, by name.
         silhouettes: Packed bits of a few frames, the cameras in the order of `films`.
-        turned_cameras: Those cameras that see a symmetric board from its other end than the first camera does, if
-            that is known; empty if all see it from the same.
+        turned_cameras: Cameras that see a symmetric board from the other end than the first camera does, if known;
+            empty if all see it from the same end.
 
     Raises:
         ValueError: One line that names camera and file, and how to mend it.
@@ -108,7 +108,7 @@ def calibrate_cameras(
 def _other_end(
     cameras: Cameras, board: Board, silhouettes: np.ndarray | None, given: Sequence[str] | None
 ) -> tuple[np.ndarray, float | None]:
-    """Which cameras are to be turned, and the coverage of the silhouettes."""
+    """Which cameras must be turned by half a turn, and the coverage of the silhouettes."""
     if not board.symmetric:
         return np.zeros(len(cameras), bool), None
     if given is not None:

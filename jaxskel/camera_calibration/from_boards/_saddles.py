@@ -1,17 +1,18 @@
-"""Corners of a checkerboard to a fiftieth of a pixel: saddles of the image, seen in the coordinates of the board."""
+"""Refines checkerboard corners to a fiftieth of a pixel: saddle points of the image in board coordinates."""
 
 import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
-# The window reaches so far to the next corners: nearly to the edges of the four squares, however flat they are seen.
+# Reach of the window, as a share of the way to the next corners: almost to the edges of the four squares, however flat
+# they appear.
 _REACH = 0.4
-_SAMPLES = 9  # along each side of the window
-_ROUNDS = 5  # the last one moves a corner by less than a thousandth of a square
-# White paper in bright light blooms over black squares. The image is the same turned by half a turn about a corner
-# still, so its saddle stays; this power of the levels leaves it in the middle of the range.
+_SAMPLES = 9  # sample points along each side of the window
+_ROUNDS = 5  # of refinement; the last one moves a corner by less than a thousandth of a square
+# Power of the levels that counters bloom of white paper over black squares. Bloom keeps the image symmetric under a
+# half turn about a corner, so its saddle stays; the power keeps it in the middle of the range.
 _POWER = 4.0
-_STRAYED = 0.3  # of a square: farther than any detector is off; such a corner was none
+_STRAYED = 0.3  # squares: farther than any detector errs, so a corner that moves this far was none
 
 
 def refine_saddles(
@@ -19,22 +20,21 @@ def refine_saddles(
 ) -> Float[np.ndarray, "rows columns 2"]:
     """Move corners (px) to the saddle points of quadratics fitted around them.
 
-    The windows have the shape of the squares in the image. An upright one, as `cv2.cornerSubPix` has it, reaches
-    into the next squares where a board is seen at a grazing angle, and gradients, which it goes by, move where white
-    blooms.
+    The windows have the shape of the squares in the image. The upright windows of `cv2.cornerSubPix` reach into the
+    next squares if a board is seen at a grazing angle, and its gradients move where white blooms.
     """
     levels = (grey.astype(np.float32) / 255) ** _POWER
     moved, found = _to_saddles(lattice, levels)
     if found.all():
         return moved
-    # The detector took something else for a corner, such as the rim: again from where the others put it.
+    # The detector took something else for a corner, such as the rim: try again from the place that the others predict.
     start = np.where(found[..., None], moved, _smooth(moved, found))
     moved, found = _to_saddles(start, levels)
     return np.where(found[..., None], moved, start)
 
 
 def _to_saddles(lattice: np.ndarray, levels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The lattice with its corners at saddles, and which of them found one near by."""
+    """The lattice with its corners moved to saddle points, and which corners have one nearby."""
     side = np.linspace(-_REACH, _REACH, _SAMPLES)
     a, b = (axis.ravel() for axis in np.meshgrid(side, side))
     fit = np.linalg.pinv(np.stack([np.ones_like(a), a, b, a * a, a * b, b * b], -1))
@@ -56,7 +56,7 @@ def _to_saddles(lattice: np.ndarray, levels: np.ndarray) -> tuple[np.ndarray, np
 
 
 def _smooth(lattice: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Cubics in the place on the board through the known corners: perspective and lens bend it no further."""
+    """Fit cubics in board coordinates to the known corners; perspective and lens bend the lattice no further."""
     i, j = (index / size - 0.5 for index, size in zip(np.indices(known.shape), known.shape, strict=True))
     powers = np.stack([i**p * j**q for p in range(4) for q in range(4 - p)], -1)
     return powers @ np.linalg.lstsq(powers[known], lattice[known], rcond=None)[0]

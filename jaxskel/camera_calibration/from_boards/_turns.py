@@ -1,7 +1,7 @@
-"""A board that looks the same after half a turn: which end did each camera take for the first?
+"""Decides which end of a symmetric board each camera took for the first.
 
-The silhouettes of a person tell. Of all choices, those are looked at where the rays through the middles of the
-silhouettes meet best; the hull that they carve must cover the silhouettes, and no other choice's may.
+The silhouettes of a person decide. Candidates are the choices for which the rays through the middles of the silhouettes
+meet best. The hull carved from the right choice must cover the silhouettes, and no other choice's may.
 """
 
 from itertools import product
@@ -17,25 +17,25 @@ from ...recording import find_empty_views, silhouette_areas, silhouette_centroid
 # Half a turn about the normal of the board.
 HALF_TURN = np.diag([-1.0, -1.0, 1.0])
 _FRAMES = 3
-_CARVED = 8  # choices that are carved: those of one more camera than a minimal rig of three
-_VOXEL, _REACH = 0.04, 1.2  # of the coarse hull, and how far it reaches from the middle of the person (m)
-# A right choice covers nearly all of each silhouette, even with coarse voxels and masks with holes; another one must
-# miss this much more of them.
+_CARVED = 8  # number of choices to carve: those of one more camera than a minimal rig of three
+_VOXEL, _REACH = 0.04, 1.2  # voxel edge of the coarse hull, and its reach from the middle of the person (m)
+# The right choice covers at least this share of each silhouette, even with coarse voxels and masks with holes; every
+# other choice must cover less by this margin.
 _LEAST, _MARGIN = 0.8, 0.1
 
 
 def settle_turns(
     cameras: Cameras, silhouettes: UInt8[np.ndarray, "frames cams h w8"]
 ) -> tuple[Bool[np.ndarray, " cams"], float] | None:
-    """Find the cameras that took the board's other end for the first; the first camera is the one to go by.
+    """Find the cameras that took the board's other end for the first, relative to the first camera.
 
     Args:
-        cameras: In the frame of the board.
+        cameras: The rig, in the frame of the board (m).
         silhouettes: Packed bits of a person who does not only stand in the middle of the board.
 
     Returns:
-        Which cameras are to be turned, and the coverage of the silhouettes that this choice gives; None where the
-        silhouettes do not tell.
+        Which cameras must be turned, and the resulting coverage of the silhouettes; None if the silhouettes do not
+        decide.
     """
     empty_views = find_empty_views(silhouette_areas(silhouettes), cameras)
     whole = np.flatnonzero(~empty_views.any(1))
@@ -61,7 +61,7 @@ def turned(cameras: Cameras, which: Bool[np.ndarray, " cams"]) -> Cameras:
 
 
 def _rays_apart(cameras: Cameras, silhouettes: np.ndarray) -> float:
-    """How far the rays through the middles of the silhouettes pass each other (m); infinite behind a camera."""
+    """Distance by which rays through the middles of silhouettes miss each other (m); infinite behind a camera."""
     middles = body_middles(cameras, silhouettes, np.zeros(silhouettes.shape[:2], bool))
     centroids = silhouette_centroids(silhouettes)
     away = []
@@ -74,7 +74,7 @@ def _rays_apart(cameras: Cameras, silhouettes: np.ndarray) -> float:
 
 
 def _coverage(cameras: Cameras, silhouettes: np.ndarray) -> float:
-    """Share of each silhouette that a coarse hull around the person covers, of the worst view, averaged over frames."""
+    """Share of each silhouette that a coarse hull around the person covers: the worst view, averaged over frames."""
     height, width = silhouettes.shape[2], 8 * silhouettes.shape[3]
     cells = round(2 * _REACH / _VOXEL)
     found = []

@@ -1,9 +1,9 @@
-"""Silhouette coherence: every ray through an outline touches what all other silhouettes leave of the person.
+"""Silhouette coherence: every ray through an outline touches the visual hull of all other silhouettes.
 
-A point of the body lies on the ray of an outline, and all other views see it on their silhouettes. So the greatest
-distance to a silhouette, taken at its least along the ray, is zero or less for true cameras and masks; for wrong ones
-it tells by how many pixels silhouettes miss each other. Only what is positive is evidence, since a ray may well run
-deep through the visual hull of the other views, which is larger than the body.
+A body point lies on the ray of an outline pixel, and all other views see it inside their silhouettes. So the largest
+signed distance to the silhouettes, minimised along the ray, is zero or less for exact cameras and masks; otherwise it
+tells by how many pixels the silhouettes miss each other. Only positive values are evidence, since a ray may run deep
+through the visual hull of the other views, which is larger than the body.
 
 After C. Hernandez, F. Schmitt, R. Cipolla: Silhouette Coherence for Camera Calibration under Circular Motion,
 PAMI 2007.
@@ -22,25 +22,25 @@ from ._distance_images import DistanceImages
 from ._sight_lines import SightLines
 
 NOTHING = -1e3
-"""Residual of a ray that tells nothing (px): well inside."""
+"""Residual of a ray without evidence (px): deep inside."""
 
 
 class Sensitivity(eqx.Module):
-    """Residuals, linear in the changes of the extrinsics."""
+    """Residuals, linearised in the changes of the extrinsics."""
 
     value: Float[Array, " rays"]
-    """(px)"""
+    """Residuals at zero change (px)."""
     slopes: Float[Array, "rays cams 6"]
-    """By the rotation vector (px/rad) and the shift (px/m) of each camera."""
+    """Derivatives by the rotation vector (px/rad) and the shift (px/m) of each camera."""
 
 
 @cached_jit
 def coherence(
     change: ExtrinsicChange, cameras: Cameras, lines: SightLines, images: DistanceImages, contacts: Contacts
 ) -> Float[Array, "frames rays"]:
-    """By how much each ray misses the silhouettes that decide on it (px), less than zero where it meets them.
+    """How far each ray misses the silhouettes that decide on it (px); negative if it meets them.
 
-    Smooth in the change, at which `contacts` need not have been found: they are frozen.
+    Smooth in the change; `contacts` stay frozen, and need not have been found for the changed rig.
     """
     rays = _flat(cameras, lines, images, contacts)
     each = jnp.concatenate([jnp.asarray(change.rotation), jnp.asarray(change.shift)], -1)[rays.cameras]
@@ -49,11 +49,11 @@ def coherence(
 
 @cached_jit
 def sensitivity(cameras: Cameras, lines: SightLines, images: DistanceImages, contacts: Contacts) -> Sensitivity:
-    """What `coherence` is without a change, and how it begins to change."""
+    """Values of `coherence` without a change, and their derivatives."""
     rays = _flat(cameras, lines, images, contacts)
     each = jnp.zeros((*rays.cameras.shape, 6))
     value, back = jax.vjp(lambda e: _values(e, cameras, images, rays), each)
-    # Each ray has a change of its own three cameras, so that one pull back gives the slopes of all.
+    # Each ray has separate changes of its three cameras, so one vector-Jacobian product gives all derivatives.
     (slopes,) = back(jnp.ones_like(value))
     every = jnp.arange(len(value), dtype=jnp.int32)[:, None]
     own = jnp.zeros((len(value), len(cameras), 6)).at[every, rays.cameras].add(slopes)
@@ -61,14 +61,14 @@ def sensitivity(cameras: Cameras, lines: SightLines, images: DistanceImages, con
 
 
 class _Rays(eqx.Module):
-    """Rays of all frames in one row."""
+    """Rays of all frames, flattened."""
 
     directions: Float[Array, "rays 3"]
     depth: Float[Array, " rays"]
     cameras: Int[Array, "rays 3"]
-    """The camera of the ray, and its judges."""
+    """The camera of the ray, and those of its two judges."""
     images: Int[Array, "rays 2"]
-    """Of the judges."""
+    """Distance images of the two judges."""
     share: Float[Array, " rays"]
     tells: Bool[Array, " rays"]
 
@@ -97,7 +97,7 @@ def _values(
 
     def judged(judge: int) -> Float[Array, " rays"]:
         seen = jnp.einsum("rij,rj->ri", R[:, 1 + judge], points - centres[:, 1 + judge])
-        # A rig of one camera a ray.
+        # Index the rig by ray: one camera for each ray.
         own = jax.tree.map(lambda a: jnp.asarray(a)[rays.cameras[:, 1 + judge]], cameras)
         u, v = on_images(own, *(seen[:, axis, None] for axis in range(3)))
         return images.at(rays.images[:, judge], u[:, 0], v[:, 0])[0]

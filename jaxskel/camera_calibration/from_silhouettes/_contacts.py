@@ -1,4 +1,4 @@
-"""Where rays through outlines come nearest to the silhouettes of all other views: looked up, then frozen."""
+"""Finds where rays through outlines come nearest to the silhouettes of all other views; the places are then frozen."""
 
 import equinox as eqx
 import jax
@@ -11,31 +11,31 @@ from ...cameras import Cameras, optical_centres, project
 from ._distance_images import DistanceImages
 from ._sight_lines import SightLines
 
-# No part of a person is farther from the middle of the body (m).
+# Largest distance of a body part from the middle of the body (m).
 _REACH = 1.5
-# Places along a ray that are looked at first, and then between the best of them and its neighbours on either side. Over
-# three metres they are 24 mm and 2 mm apart, of which silhouettes at a usual distance show less than half a pixel.
+# Numbers of samples along a ray: coarse ones, then fine ones between the best and its neighbours on either side. Over
+# three metres they are 24 mm and 2 mm apart; 2 mm are less than half a pixel at usual distances.
 _COARSE, _FINE = 128, 12
-# What a view tells of a point that it does not see (px): beyond an image nobody knows where the person ends.
+# Distance reported by a view that does not see a point (px): outside an image the person may be anywhere.
 _UNKNOWN = -1e3
 
 
 class Contacts(eqx.Module):
-    """The place on each ray where the greatest distance to the silhouettes of the other views is least."""
+    """The place on each ray where the largest distance to the silhouettes of the other views is least."""
 
     depth: Float[Array | np.ndarray, "*frames rays"]
-    """Along the ray (m)."""
+    """Distance along the ray (m)."""
     judges: Int[Array | np.ndarray, "*frames rays 2"]
-    """The cameras whose distances are the greatest just before the place, and just behind it."""
+    """The cameras with the largest distances just before and just behind the place."""
     share: Float[Array | np.ndarray, "*frames rays"]
-    """Of the first judge in the residual; the second has the rest.
+    """Weight of the first judge in the residual; the second has the rest.
 
-    Where one silhouette is entered as another is left, both hold the place. The shares are such that a small change of
-    the depth would not change the residual, so with the depth frozen its derivatives are still those of the least
-    greatest distance (envelope theorem; the shares are the multipliers of the two constraints).
+    Where the ray enters one silhouette as it leaves another, both determine the place. The weights make the residual
+    stationary in the depth, so its derivatives at frozen depth equal those of the minimised largest distance (envelope
+    theorem; the weights are the multipliers of the two constraints).
     """
     known: Bool[Array | np.ndarray, "*frames rays"]
-    """Some other view sees the place."""
+    """Whether some other view sees the place."""
 
 
 @cached_jit
@@ -45,13 +45,13 @@ def find_contacts(
     images: DistanceImages,
     middles: Float[Array | np.ndarray, "frames 3"],
 ) -> Contacts:
-    """Look the contacts of some frames up.
+    """Find the contacts of some frames.
 
     Args:
         cameras: The rig.
         lines: Rays, with a leading axis ``frames``.
         images: Distances to the silhouettes of the same frames.
-        middles: Of the person in each frame (m).
+        middles: Middle of the person in each frame (world, m).
     """
     views = jnp.arange(len(cameras), dtype=jnp.int32)
     arrays = jax.tree.map(jnp.asarray, cameras)
@@ -94,7 +94,7 @@ def find_contacts(
 def _around(
     starts: Float[Array, "rays 3"], directions: Float[Array, "rays 3"]
 ) -> tuple[Float[Array, " rays"], Float[Array, " rays"]]:
-    """Where rays enter and leave the ball of `_REACH` around the origin (m); its nearest point where they miss it."""
+    """Where rays enter and leave the ball of radius `_REACH` around the origin (m); their nearest point if never."""
     middle = -(starts * directions).sum(-1)
     half = jnp.sqrt(jnp.maximum(_REACH**2 - (starts**2).sum(-1) + middle**2, 0.0))
     return jnp.maximum(middle - half, 1e-3), jnp.maximum(middle + half, 2e-3)

@@ -1,4 +1,4 @@
-"""Signed distances to outlines as images that are looked up anywhere, and whose zero is the outline between pixels."""
+"""Signed distance images of silhouettes, interpolated anywhere; their zero is the outline at subpixel accuracy."""
 
 import equinox as eqx
 import jax
@@ -11,34 +11,34 @@ from ...cameras import Cameras
 from ...outlines import signed_distances
 from ...recording import person_boxes
 
-# Values stand this many to a side of an image at most; between them they are interpolated.
+# Largest number of grid values along a side of an image; values in between are interpolated.
 _MOST_CELLS = 640
-# Newton's steps to the zero of a distance, which has a slope of nearly one.
+# Newton steps to the zero of a distance, whose slope is nearly one.
 _STEPS = 3
 
 
 class DistanceImages(eqx.Module):
-    """Signed distances (px) from the outlines of silhouettes on regular grids, negative on the person."""
+    """Signed distances (px) to the outlines of silhouettes on regular grids, negative inside the person."""
 
     values: Float[Array | np.ndarray, "images rows columns"]
-    """Of all views of the first frame, then of the second, and so on."""
+    """Grid values, ordered by frame, then by view."""
     step: Int[Array | np.ndarray, ""]
-    """Distance of neighbouring values (px)."""
+    """Spacing of the grid (px)."""
     size: Int[Array | np.ndarray, "images 2"]
-    """Width and height (px) of what is known of each image: nothing where a view has lost the person."""
+    """Width and height (px) of the known part of each image: zero for a view that has lost the person."""
 
     def at(
         self, image: Int[Array, "*points"], u: Float[Array, "*points"], v: Float[Array, "*points"]
     ) -> tuple[Float[Array, "*points"], Bool[Array, "*points"]]:
-        """Distances at points (px) of some of the images, and whether these points are seen; if not, 0.
+        """Distances at image points (px), and whether these points are seen; 0 if not.
 
-        A point is seen inside of its image. Bilinear, hence differentiable nearly everywhere.
+        A point is seen if it lies inside the image. Bilinear, so differentiable almost everywhere.
         """
         size = jnp.asarray(self.size)[image]
-        # NaN, where a camera sees nothing, compares false.
+        # NaN, for points that a camera cannot see, compares false.
         seen = (u > -0.5) & (v > -0.5) & (u < size[..., 0] - 0.5) & (v < size[..., 1] - 0.5)
         rows, columns = self.values.shape[1:]
-        # Values are means over cells of `step` pixels.
+        # Grid values are means over cells of `step` pixels.
         x, y = ((jnp.where(seen, a, 0.0) + 0.5) / self.step - 0.5 for a in (u, v))
         x, y = jnp.clip(x, 0.0, columns - 1.001), jnp.clip(y, 0.0, rows - 1.001)
         column, row = jnp.floor(x).astype(jnp.int32), jnp.floor(y).astype(jnp.int32)
@@ -51,7 +51,7 @@ class DistanceImages(eqx.Module):
 
 
 def cell_size(silhouettes: UInt8[np.ndarray, "*stack h w8"]) -> int:
-    """Distance of neighbouring values of their distance images (px)."""
+    """Grid spacing of the distance images of these silhouettes (px)."""
     return -(-max(silhouettes.shape[-2], 8 * silhouettes.shape[-1]) // _MOST_CELLS)
 
 
@@ -61,13 +61,13 @@ def distance_images(
     empty_views: Bool[np.ndarray, "frames cams"],
     farthest: int,
 ) -> DistanceImages:
-    """Distance images of some frames.
+    """Compute the distance images of some frames.
 
     Args:
         silhouettes: Packed bits.
         cameras: The rig.
         empty_views: Views that show no person.
-        farthest: Distances are exact up to this, and never larger (px).
+        farthest: Distances are exact up to this, and clipped to it (px).
     """
     frames, views, height, width = *silhouettes.shape[:3], 8 * silhouettes.shape[3]
     step = cell_size(silhouettes)
@@ -85,10 +85,10 @@ def distance_images(
 def _to_cut_edges(
     packed: UInt8[np.ndarray, "h w8"], across: int, step: int, shape: tuple[int, int]
 ) -> Float[np.ndarray, "rows columns"]:
-    """Distance of cells (px) from those edges of an image that cut the person off; infinite where none does.
+    """Distance of grid cells (px) from the image edges that cut the person off; infinite if none does.
 
-    Beyond such an edge the person may be anywhere. So no place is known to be farther from the person than from the
-    edge: without this, a ray that runs along it just inside would miss what lies just outside.
+    Outside such an edge the person may be anywhere. So no cell is known to be farther from the person than from the
+    edge: without this, a ray just inside the edge would miss body parts just outside.
     """
     found = np.full(shape, np.inf, np.float32)
     box = person_boxes(packed)[0]
@@ -103,7 +103,7 @@ def _to_cut_edges(
         (right == across, across - u[None]),
     ):
         if cut:
-            # The last cell of an image need not be whole.
+            # The last cell of an image may be partial.
             found = np.minimum(found, np.maximum(way, 0.0))
     return found
 
@@ -112,12 +112,12 @@ def _to_cut_edges(
 def onto_outlines(
     images: DistanceImages, image: Int[Array | np.ndarray, " points"], uv: Float[Array | np.ndarray, "points 2"]
 ) -> Float[Array, "points 2"]:
-    """Points (px) near the outlines of some images, moved to where the distance is zero, between the pixels."""
+    """Move points (px) near the outlines of some images to where the distance is zero, at subpixel accuracy."""
 
     def one(image: Int[Array, ""], uv: Float[Array, "2"]) -> Float[Array, "2"]:
         for _ in range(_STEPS):
             distance, slope = jax.value_and_grad(lambda p: images.at(image, p[0], p[1])[0])(uv)
-            # On ridges and in corners the slope vanishes: the step stays shorter than twice the distance.
+            # On ridges and in corners the slope vanishes: limit the step to twice the distance.
             uv = uv - distance * slope / jnp.maximum((slope * slope).sum(), 0.25)
         return uv
 

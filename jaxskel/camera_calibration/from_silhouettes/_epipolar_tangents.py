@@ -1,10 +1,10 @@
-"""Epipolar tangents: a plane through two optical centres that touches the body touches both of its silhouettes.
+"""Epipolar tangents: a plane through two optical centres that touches the body touches both silhouettes.
 
-Where a plane of the pencil through two optical centres touches the body, both outlines turn back from it: in a frontier
-point. Unlike rays that run deep through the hull of other views, these tell of errors in both directions. Of each pair
-of views the two outermost planes belong together, whatever the pose and whatever hides what, since the convex hull of a
-silhouette is the silhouette of the body's convex hull. Of all others, at a hand, an elbow or a hip, those do that are
-nearly one plane by a rig that is nearly right.
+Where such an epipolar plane touches the body, in a frontier point, it is tangent to both outlines. Unlike rays that run
+deep through the hull of other views, these planes reveal errors in both directions. For each pair of views, the two
+outermost planes correspond whatever the pose and the occlusions, since the convex hull of a silhouette is the
+silhouette of the body's convex hull. Inner planes, at a hand, an elbow or a hip, are paired if they nearly coincide
+for a nearly right rig.
 
 After R. Cipolla, K. E. Astrom, P. J. Giblin: Motion from the Frontier of Curved Surfaces, ICCV 1995, and S. N. Sinha,
 M. Pollefeys: Camera Network Calibration and Synchronization from Silhouettes in Archived Video, IJCV 2010.
@@ -24,58 +24,58 @@ from ...cameras import Cameras, optical_centres
 from ._coherence import Sensitivity
 from ._outline_chains import OutlineChains
 
-# Where the other camera is seen in front of the person or behind, planes go all around it and none is outermost: their
-# angle to the one through the middle of the person goes beyond this (rad).
+# If the other camera appears in front of or behind the person, planes surround it and none is outermost: their angle to
+# the plane through the middle of the person exceeds this (rad).
 _WIDEST = 1.3
-# Of the planes that touch an outline from one side, so many at most, from the outermost inwards.
+# Largest number of planes that touch an outline from one side, counted from the outermost inwards.
 _PLANES = 12
-# There is room for so many tangents of a pair of views in a frame on average, twice as many as there are of ten views.
+# Capacity: mean number of tangents for each frame and pair of views, twice as many as ten views have.
 _ROOM = 8
-# No other plane comes within so many gates of two that are taken for one.
+# Two planes are only paired if no other plane comes within this many gates of either.
 _ALONE = 2.0
 
 
 class EpipolarTangents(eqx.Module):
-    """Pairs of rays that one plane through both optical centres holds, if the rig is right."""
+    """Pairs of rays that lie in one plane through both optical centres if the rig is right."""
 
     cameras: Int[np.ndarray, "tangents 2"]
     directions: Float[np.ndarray, "tangents 2 3"]
-    """Of the rays, in the frames of reference of their cameras."""
+    """Directions of the rays, each in the frame of its camera."""
     error: Float[np.ndarray, "tangents 2"]
-    """How much they err, relative to those through smooth outlines (standard deviations)."""
+    """Standard deviation of each ray, relative to that of rays through smooth outlines."""
     alike: Float[np.ndarray, " tangents"]
-    """So many err together, as their rays go through the same places of the outlines, on average of both."""
+    """Number of tangents with common errors, as their rays share outline points; mean of both rays."""
     there: Bool[np.ndarray, " tangents"]
-    """False for those that are there to fill up: so there are as many of any rig."""
+    """False for padding, which makes the number of tangents the same for any rig."""
 
 
 class _Planes(NamedTuple):
-    """Planes through the optical centres of a view and each other view that touch an outline of the first.
+    """Planes through the optical centres of a view and each other view that are tangent to an outline of the first.
 
-    On the second axis are those that have the outline at larger angles, then those that have it at smaller ones, each
-    from the outermost inwards.
+    The second axis separates planes with the outline at larger angles from those with it at smaller angles; both are
+    ordered from the outermost inwards.
     """
 
     angle: Float[np.ndarray, "*views 2 planes"]
-    """To the plane through the middle of the person, about the line from one centre to the other (rad); or NaN."""
+    """Angle to the plane through the middle of the person, about the baseline (rad); NaN for padding."""
     spread: Float[np.ndarray, "*views 2 planes"]
-    """Of the angle, if rays through smooth outlines err by a pixel (rad)."""
+    """Standard deviation of the angle, if rays through smooth outlines err by a pixel (rad)."""
     point: Int[np.ndarray, "*views 2 planes"]
-    """Of all outlines."""
+    """Index of the tangent point among all outline points."""
     outermost: Bool[np.ndarray, "*views"]
-    """The first planes have all of the person between them."""
+    """Whether the first planes enclose the whole person."""
 
 
 def epipolar_tangents(
     cameras: Cameras, outlines: OutlineChains, middles: Float[np.ndarray, "frames 3"], gate: float
 ) -> EpipolarTangents:
-    """Planes that touch the outlines of two views, looked up for a rig as it is.
+    """Find the planes that are tangent to the outlines of two views, for the rig as it is.
 
     Args:
         cameras: The rig.
-        outlines: Of some frames.
-        middles: Of the person in each frame (m).
-        gate: By how much two planes that are not outermost may miss each other (px, see `tangent_sensitivity`).
+        outlines: Outlines of some frames.
+        middles: Middle of the person in each frame (world, m).
+        gate: Largest miss of two inner planes that are paired (px, see `tangent_sensitivity`).
     """
     pairs = np.stack(np.triu_indices(len(cameras), 1), 1)
     first, second = pairs.T
@@ -102,12 +102,12 @@ def epipolar_tangents(
 def _touching(
     cameras: Cameras, outlines: OutlineChains, frame: int, view: int, middle: Float[np.ndarray, "3"]
 ) -> _Planes:
-    """Planes of the pencils of one view with each other that touch its outline in one frame."""
+    """Planes through one view and each other view that are tangent to its outline in one frame."""
     first, count = outlines.first[frame, view], outlines.count[frame, view]
     own = slice(first, first + count)
     rays, centres = outlines.directions[own] @ np.asarray(cameras.R[view], float), cameras.centres
-    with np.errstate(invalid="ignore"):  # one optical centre, or one in the middle of the person: NaN from here on
-        # From the first view of a pair to the second, whichever of them this is.
+    with np.errstate(invalid="ignore"):  # equal optical centres, or one inside the person: NaN from here on
+        # Orient the baseline from the first view of a pair to the second, whichever of them `view` is.
         baseline = _unit(np.sign(np.arange(len(cameras)) - view)[:, None] * (centres - centres[view]))
         middle = middle - centres[view]
         middle = _unit(middle - (baseline @ middle)[:, None] * baseline)
@@ -131,7 +131,7 @@ def _touching(
 
 
 def _are_one(one: _Planes, other: _Planes, gate: float) -> Bool[np.ndarray, "pairs 2 planes planes"]:
-    """Which planes of two views may be one."""
+    """Which planes of two views may coincide."""
     apart = np.abs(_turn(one.angle[..., :, None] - other.angle[..., None, :]))
     apart /= np.hypot(one.spread[..., :, None], other.spread[..., None, :])
     # NaN compares false.
@@ -145,10 +145,10 @@ def _are_one(one: _Planes, other: _Planes, gate: float) -> Bool[np.ndarray, "pai
 
 @cached_jit
 def tangent_sensitivity(cameras: Cameras, tangents: EpipolarTangents) -> Sensitivity:
-    """By how much the planes of each pair miss each other (px), 0 where there is none, and how that begins to change.
+    """How far the planes of each pair miss each other (px), 0 for padding, and the derivatives.
 
-    The angle between the planes over the standard deviation that it has if each ray errs by one pixel, those through
-    outlines that pixels do not resolve by more.
+    The residual is the angle between the planes over its standard deviation if each ray errs by one pixel, or by more
+    for rays through poorly resolved outlines.
     """
     pair = jnp.asarray(tangents.cameras)
     K = jnp.asarray(cameras.K)
@@ -170,10 +170,10 @@ def tangent_sensitivity(cameras: Cameras, tangents: EpipolarTangents) -> Sensiti
         centres = centres + change[:, 3:]
         baseline = centres[1] - centres[0]
         baseline = baseline / jnp.sqrt((baseline**2).sum() + 1e-20)
-        # What is not there has one plane for both rays, and so no angle and no slope.
+        # Padding has the same plane for both rays, so its angle and derivatives are zero.
         planes = jnp.where(there, cross(jnp.broadcast_to(baseline, rays.shape), rays), jnp.eye(3)[0])
         angle = jnp.arctan2(baseline @ cross(planes[0], planes[1]), planes[0] @ planes[1])
-        # A ray that errs by a pixel turns its plane the more, the nearer it is to the other optical centre.
+        # The nearer a ray is to the other optical centre, the more an error of one pixel turns its plane.
         spread = jnp.sqrt(((error / focal) ** 2 / (planes**2).sum(-1)).sum())
         return angle / spread
 
@@ -183,7 +183,7 @@ def tangent_sensitivity(cameras: Cameras, tangents: EpipolarTangents) -> Sensiti
 
 
 def _turn(angles: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch"]:
-    """Angles within half a turn of zero (rad)."""
+    """Angles wrapped to within half a turn of zero (rad)."""
     return angles - 2 * np.pi * np.round(angles / (2 * np.pi))
 
 

@@ -1,4 +1,4 @@
-"""Outlines of silhouettes point after point, so that one can tell where they turn."""
+"""Outlines of silhouettes as ordered points, so that turning points can be detected."""
 
 from typing import NamedTuple
 
@@ -12,28 +12,28 @@ from ...recording import unpacked_box
 from ._closed_gaps import outline_error, without_gaps
 from ._distance_images import DistanceImages, onto_outlines
 
-# Neighbours on either side that tell whether an outline turns (points, which are a pixel or a little more apart). Fewer
-# would find turns that are the pixels' own, more would miss fists and feet.
+# Neighbours on either side that decide whether an outline turns (points, which are a pixel or a little more apart).
+# Fewer would detect turns of the pixel grid, more would miss fists and feet.
 _NEIGHBOURS = 6
-# Numbers of points are filled up to a multiple of this, so that few of them are compiled for.
+# Numbers of points are padded to a multiple of this, so that few sizes are compiled.
 _FILLED = 1 << 16
 
 
 class OutlineChains(eqx.Module):
-    """Viewing rays through the outlines of the largest part of each silhouette, holes in it included."""
+    """Viewing rays through the outlines of the largest part of each silhouette, including its holes."""
 
     directions: Float[np.ndarray, "points 3"]
-    """Unit vectors in the frame of reference of the camera: of all views of the first frame, then of the second."""
+    """Unit vectors in the frame of the camera, ordered by frame, then by view."""
     neighbours: Int[np.ndarray, "points near"]
-    """The points before and behind each on its outline, which is closed."""
+    """Indices of the points before and behind each point on its closed outline."""
     convex: Bool[np.ndarray, " points"]
-    """The person is inside of the turn of the outline, as at the tip of a foot, not outside, as in an armpit."""
+    """Whether the person is on the inner side of the turn, as at the tip of a foot, not outside, as in an armpit."""
     error: Float[np.ndarray, " points"]
-    """How much each errs, relative to those of smooth outlines (standard deviations)."""
+    """Standard deviation of each point, relative to points of smooth outlines."""
     first: Int[np.ndarray, "frames cams"]
-    """The first point of each view."""
+    """Index of the first point of each view."""
     count: Int[np.ndarray, "frames cams"]
-    """Number of its points: none where it does not show all of the person."""
+    """Number of points of each view: zero if it does not show the whole person."""
 
 
 def outline_chains(
@@ -42,17 +42,17 @@ def outline_chains(
     empty_views: Bool[np.ndarray, "frames cams"],
     images: DistanceImages,
 ) -> OutlineChains:
-    """Follow the outlines of some frames, past gaps that pixels do not resolve (see `without_gaps`).
+    """Follow the outlines of some frames; gaps below the pixel resolution are closed first (see `without_gaps`).
 
     Args:
         silhouettes: Packed bits.
         cameras: The rig; extrinsics are not used.
-        empty_views: Views that are left out. Those where the edge of the image cuts the person off are left out, too.
-        images: Of the same silhouettes, without gaps: they tell where between the pixels the outline is.
+        empty_views: Views to leave out. Those in which an image edge cuts the person off are left out too.
+        images: Distance images of the same silhouettes with gaps closed, for the subpixel position of the outline.
     """
     found = _followed(silhouettes, cameras, empty_views, int(images.step))
     on_outline, directions = _between_pixels(found, cameras, images)
-    # Where a lens shows nothing one-to-one, an outline is followed past the gap.
+    # Where the lens model is not one-to-one, the points are missing and the outline continues behind the gap.
     seen = np.isfinite(directions).all(1)
     on_outline, directions, owner = on_outline[seen], directions[seen], found.owner[seen]
     lengths = np.bincount(owner)
@@ -60,7 +60,7 @@ def outline_chains(
     away = np.concatenate([np.arange(-_NEIGHBOURS, 0), np.arange(1, _NEIGHBOURS + 1)])
     neighbours = start + (np.arange(len(owner))[:, None] - start + away) % lengths[owner, None]
     before, behind = on_outline - on_outline[neighbours[:, 0]], on_outline[neighbours[:, -1]] - on_outline
-    # OpenCV follows an outer outline with the person on its left as one sees the image, that of a hole likewise.
+    # OpenCV orients outer outlines with the person on the left in the image, and outlines of holes too.
     convex = before[:, 0] * behind[:, 1] - before[:, 1] * behind[:, 0] < 0
     count = np.bincount(found.image[seen], minlength=empty_views.size).reshape(empty_views.shape)
     first = (np.cumsum(count) - count.ravel()).reshape(empty_views.shape)
@@ -68,13 +68,13 @@ def outline_chains(
 
 
 class _Followed(NamedTuple):
-    """Points of the outlines along the pixels."""
+    """Points of the outlines at pixel centres."""
 
     uv: Int[np.ndarray, "points 2"]
     owner: Int[np.ndarray, " points"]
-    """The outline of each."""
+    """Index of the outline of each point."""
     image: Int[np.ndarray, " points"]
-    """Views of the first frame, then of the second."""
+    """Index of the image of each point, ordered by frame, then by view."""
     error: Float[np.ndarray, " points"]
 
 
@@ -101,7 +101,7 @@ def _followed(
 def _between_pixels(
     found: _Followed, cameras: Cameras, images: DistanceImages
 ) -> tuple[Float[np.ndarray, "points 2"], Float[np.ndarray, "points 3"]]:
-    """The points where the outlines really are (px), and rays through them."""
+    """The points at subpixel accuracy (px), and rays through them."""
     filled = -len(found.uv) % _FILLED
     image, uv = found.image.astype(np.int32), found.uv.astype(np.float32)
     moved = onto_outlines(images, np.pad(image, (0, filled)), np.pad(uv, ((0, filled), (0, 0))))
@@ -114,7 +114,7 @@ def _between_pixels(
 
 
 def _chains(mask: Bool[np.ndarray, "h w"]) -> list[Int[np.ndarray, "n 2"]]:
-    """Outlines of the largest connected part of a silhouette (px); none if an edge of the image cuts it off."""
+    """Outlines of the largest connected part of a silhouette (px); none if an image edge cuts it off."""
     height, width = mask.shape
     _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=8)
     if len(stats) < 2:
@@ -124,5 +124,5 @@ def _chains(mask: Bool[np.ndarray, "h w"]) -> list[Int[np.ndarray, "n 2"]]:
     if left == 0 or top == 0 or left + across == width or top + down == height:
         return []
     found, _ = cv2.findContours((labels == largest).view(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
-    # A hole that is hardly longer than the neighbours of a point has no turns but the pixels' own.
+    # A hole hardly longer than the neighbourhood of a point has no turns but those of the pixel grid.
     return [np.asarray(chain[:, 0], int) for chain in found if len(chain) > 2 * _NEIGHBOURS]

@@ -1,4 +1,4 @@
-"""Extrinsics refined from silhouettes alone: no board, no points, only the person that all cameras see."""
+"""Refines camera extrinsics from silhouettes alone: no board and no points, only a person whom all cameras see."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -22,23 +22,23 @@ from ._sight_lines import SightLines, sight_lines
 from ._step import LEAST_NOISE, LEAST_NOISE_OF_PLANES, CameraStep, camera_step, noise_of
 
 FRAMES = 60
-"""Frames that are used by default: the errors of their masks are independent, those of more rays of a frame are not."""
-_RAYS = 300  # of a view: every fifth point of the outline of a person who is 400 px tall
+"""Default number of frames: mask errors are independent between frames, but not between more rays of one frame."""
+_RAYS = 300  # for each view: every fifth outline point of a person 400 px tall
 _ROUNDS = 30
-# Planes that are not outermost are taken for one if they miss each other by no more than so many standard deviations of
-# the noise of the round before.
+# Inner tangent planes are paired if they miss each other by at most this many standard deviations of the noise of the
+# previous round.
 _GATE = 3.0
-# The search ends where no unknown changes by more than this part of its own standard deviation, or where changes have
-# not become smaller for some rounds: contacts and planes of poor masks are never quite the same again.
+# The search ends if no unknown changes by more than this share of its standard deviation, or if the changes have not
+# decreased for this many rounds: contacts and planes of poor masks never repeat exactly.
 _CHANGE, _PATIENCE = 0.1, 5
-# A search that ends so has come to rest if one of its rounds changed no more than this.
+# A search that stops decreasing has converged if one of its rounds changed at most this much.
 _REST = 0.3
-# Distances reach as far as an error of this many of the prior's standard deviations moves a silhouette.
+# Distances are exact up to the shift of a silhouette for an error of this many standard deviations of the prior.
 _SIGMAS = 4.0
-# The prior's standard deviations are narrowed to this part at most.
+# Smallest factor by which the prior's standard deviations are narrowed.
 _NARROWEST = 0.1
-# A camera whose rotation is known no better than this, in units of the prior's, was hardly seen. (What the silhouettes
-# cannot tell, a turn of the whole rig, leaves 0.6 of it in a rig of three, less in others.)
+# A camera whose rotation keeps more than this share of the prior's uncertainty was hardly seen. (A turn of the whole
+# rig, which silhouettes cannot determine, leaves 0.6 in a rig of three cameras and less in others.)
 _HARDLY = 0.8
 
 
@@ -46,21 +46,21 @@ class RefinedCameras(eqx.Module):
     """A rig with refined extrinsics."""
 
     cameras: Cameras
-    """Intrinsics, sizes and names are as they were."""
+    """The rig with new extrinsics (world to camera, m); intrinsics, sizes and names are unchanged."""
     rotation: Float[np.ndarray, "cams 3"]
-    """How each camera turned: rotation vector in its own frame (rad), ``R_new = exp(rotation) R``."""
+    """Rotation of each camera: rotation vector in the camera's frame (rad), ``R_new = exp(rotation) R``."""
     shift: Float[np.ndarray, "cams 3"]
-    """How its optical centre moved, in the world (m)."""
+    """Shift of each optical centre in the world (m)."""
     before: Float[np.ndarray, " cams"]
-    """By how much rays of the outlines of each camera miss the silhouettes of the others on average (px), as given."""
+    """Mean distance by which outline rays of each camera miss the silhouettes of the others, as given (px)."""
     after: Float[np.ndarray, " cams"]
-    """Likewise, refined. NaN where a camera has no outline in the frames used."""
+    """The same distance after refinement (px). NaN if a camera has no outline in the frames used."""
     hardly_seen: Bool[np.ndarray, " cams"]
-    """The silhouettes say little about these cameras: they are, but for the others' turning away, as they were."""
+    """Cameras of which the silhouettes tell little: they hardly moved, except along with the others."""
     converged: bool
-    """The search came to rest: a round changed next to nothing."""
+    """Whether the search converged: a round changed almost nothing."""
     frames: Int[np.ndarray, " used"]
-    """Which frames were used."""
+    """Numbers of the frames used."""
 
 
 def refine_cameras(
@@ -69,34 +69,34 @@ def refine_cameras(
     rotation_sd: float = float(np.radians(1.0)),
     shift_sd: float = 0.02,
 ) -> RefinedCameras:
-    """Turn and move cameras until silhouettes agree.
+    """Rotate and shift cameras until the silhouettes agree.
 
-    Every outline's ray must touch the hull of the other views, and a plane through two optical centres that touches one
-    view's silhouette must touch the other's. Gaps of a pixel or two, as between fingers, are closed first. Robust
-    Gauss-Newton: in each round the places where rays come nearest to the other silhouettes are looked up, and the
-    planes that touch; the positive residuals (px) of rays and all residuals (px) of planes, linear in the extrinsics,
-    are brought down together with the prior. The prior is narrowed to what the changes so far could be drawn from
-    (empirical Bayes). Intrinsics and distortion stay.
-    The silhouettes cannot tell a rigid motion or a scale of the whole rig: the prior keeps it where it is. Compare rigs
-    by [`compare_rigs`][jaxskel.cameras.compare_rigs].
+    The ray of every outline point must touch the hull of the other views, and an epipolar plane that is tangent to one
+    view's silhouette must be tangent to the other's. Gaps of a pixel or two, as between fingers, are closed first.
+    Robust Gauss-Newton: each round finds the places where rays come nearest to the other silhouettes, and the tangent
+    planes. It then minimises the positive residuals (px) of the rays and all residuals (px) of the planes, linear in
+    the extrinsics, together with the prior. The prior is narrowed to fit the changes so far (empirical Bayes).
+    Intrinsics and distortion stay.
+    The silhouettes cannot determine a rigid motion or a scale of the whole rig: the prior keeps it in place. Compare
+    rigs by [`compare_rigs`][jaxskel.cameras.compare_rigs].
 
     Args:
-        recording: With cameras that are roughly right: twice the standard deviations or so.
-        frames: How many frames, spread over those that at least three views see the person in; or which ones.
-        rotation_sd: How far off the rotation of a camera may be about each axis (rad, standard deviation). Cameras that
-            are less far off than this need not be told: the prior narrows.
-        shift_sd: How far off its optical centre may be along each axis (m, standard deviation), likewise.
+        recording: Recording whose cameras are roughly right: within about twice the standard deviations.
+        frames: Number of frames, spread over those in which at least three views see the person; or frame numbers.
+        rotation_sd: Prior standard deviation of the rotation of a camera about each axis (rad). It may be too large:
+            the prior narrows.
+        shift_sd: Prior standard deviation of an optical centre along each axis (m). It may be too large as well.
 
     Returns:
-        The refined rig. Without a frame that three views see the person in, the rig as it is, not converged.
+        The refined rig. If no frame shows the person in three views, the rig as it is, not converged.
 
     Raises:
-        ValueError: A frame that the recording does not have, or a standard deviation that is none.
+        ValueError: A frame that the recording does not have, or an invalid standard deviation.
     """
     for name, value in (("rotation_sd", rotation_sd), ("shift_sd", shift_sd)):
         if not 0 < value < np.inf:
             raise ValueError(f"{name} {value}: give a standard deviation above zero, in radians or metres")
-    # Names are no numbers, and other names would compile again.
+    # Replace the names, which are static: other names would compile again.
     given = replace(recording.cameras, names=tuple(map(str, range(len(recording.cameras)))))
     chosen, empty_views = _frames(recording, frames)
     if len(chosen) == 0:
@@ -121,7 +121,7 @@ def refine_cameras(
         if least < _CHANGE or waited == _PATIENCE:
             break
     apart, tangents = outlines.apart_in(rig, gate)
-    # By the prior as given: by a narrow one nothing would be told of a rig that is right.
+    # Use the prior as given: relative to a narrowed one, a correct rig would seem undetermined.
     spread = np.asarray(_step(found, apart, tangents, total, given_sd, noise).spread)
     return RefinedCameras(
         cameras=_moved(recording.cameras, total),
@@ -143,22 +143,22 @@ def _step(
     sd: Float[np.ndarray, "6"],
     noise: Float[np.ndarray, "2"],
 ) -> CameraStep:
-    # The prior holds what the silhouettes cannot tell so weakly that single precision would lose it.
+    # The prior alone holds what silhouettes cannot determine, too weakly for single precision.
     with jax.enable_x64(True):
         return jax.tree.map(np.asarray, camera_step(found, apart, tangents.alike, total / sd, sd, noise))
 
 
 def _narrowed(step: CameraStep, sd: Float[np.ndarray, "6"], given: Float[np.ndarray, "6"]) -> Float[np.ndarray, "6"]:
-    """Standard deviations of a prior that the changes so far could be drawn from (a step of EM; rad and m).
+    """Standard deviations of a prior from which the changes so far could be drawn (one step of EM; rad and m).
 
-    What silhouettes hardly tell is left to the prior. One that is too wide lets noise turn cameras.
+    They are at most the given ones: a prior that is too wide lets noise turn cameras.
     """
     square = np.asarray(step.unknowns**2 + step.spread**2).reshape(-1, 2, 3).mean((0, 2))
     return np.clip(sd * np.repeat(np.sqrt(square), 3), _NARROWEST * given, given)
 
 
 class _Outlines(eqx.Module):
-    """What the rig is refined by."""
+    """The evidence that the rig is refined by."""
 
     lines: SightLines
     chains: OutlineChains
@@ -166,7 +166,7 @@ class _Outlines(eqx.Module):
     middles: Float[np.ndarray, "frames 3"]
 
     def seen_by(self, rig: Cameras) -> Sensitivity:
-        """Residuals of a rig, the contacts looked up anew; in double precision."""
+        """Residuals of a rig with newly found contacts, in double precision."""
         contacts = find_contacts(
             single_precision(rig), single_precision(self.lines), self.images, single_precision(self.middles)
         )
@@ -174,13 +174,13 @@ class _Outlines(eqx.Module):
             return jax.tree.map(np.asarray, sensitivity(rig, self.lines, self.images, _double(contacts)))
 
     def apart_in(self, rig: Cameras, gate: float) -> tuple[Sensitivity, EpipolarTangents]:
-        """How far apart the planes that touch two silhouettes are, and which of them there are; in double precision."""
+        """Residuals of the tangent planes of a rig, and the tangents themselves, in double precision."""
         tangents = epipolar_tangents(rig, self.chains, self.middles, gate)
         with jax.enable_x64(True):
             return jax.tree.map(np.asarray, tangent_sensitivity(rig, tangents)), tangents
 
     def missed(self, found: Sensitivity) -> Float[np.ndarray, " cams"]:
-        """Means of the positive residuals over the rays of each camera (px)."""
+        """Mean of the positive residuals over the rays of each camera (px)."""
         camera, told = self.lines.camera.ravel(), found.value > NOTHING
         count = np.bincount(camera[told], minlength=found.slopes.shape[1])
         total = np.bincount(camera[told], np.maximum(found.value[told], 0.0), minlength=found.slopes.shape[1])
@@ -204,7 +204,7 @@ def _outlines(
 def _frames(
     recording: Recording, frames: int | Sequence[int] | Int[np.ndarray, " some"]
 ) -> tuple[Int[np.ndarray, " chosen"], Bool[np.ndarray, "chosen cams"]]:
-    """Numbers of the frames to use, and the views that are lost in them."""
+    """Numbers of the frames to use, and the views that have lost the person in them."""
     if isinstance(frames, int):
         if frames < 1:
             raise ValueError(f"frames {frames}: give one or more, or the numbers of the frames to use")

@@ -1,4 +1,4 @@
-"""One step of the refinement of a rig: residuals that are linear in the unknowns, robust weights, and a prior."""
+"""One step of the refinement of a rig: linearised residuals, robust weights, and a prior."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -12,29 +12,29 @@ from ._coherence import Sensitivity
 
 # Noise (px, standard deviation) that even the outlines of clean masks have, from their pixels.
 LEAST_NOISE = 0.25
-# Likewise of planes that touch smooth ones: at the true rig of a clean film they miss each other by 0.11 to 0.12.
+# Noise of the planes tangent to smooth outlines (px): for the true rig of a clean film they miss by 0.11 to 0.12.
 LEAST_NOISE_OF_PLANES = 0.1
-# Of normal noise: what the median of its absolute values must be multiplied by.
+# Ratio of the standard deviation to the median absolute value, for normal noise.
 _FROM_MEDIAN = 1.48
-# Residuals of this many standard deviations begin to count less: there the mask is wrong, not the camera.
+# Residuals beyond this many standard deviations are down-weighted: there the mask is wrong, not the camera.
 _TAIL = 3.0
-# Errors of planes are alike even where no others touch the same place: at least so many count as one.
+# Plane errors are correlated even without shared outline points: at least this many count as one.
 _PLANES_ALIKE = 3.0
 _SOLVER = NormalEquationsLM(rtol=1e-3, atol=1e-3)
 _MAX_STEPS = 30
 
 
 class CameraStep(eqx.Module):
-    """Where a step leads, in units of the prior's standard deviations."""
+    """Result of a step, in units of the prior's standard deviations."""
 
     unknowns: Float[Array, "cams 6"]
-    """Rotation vectors and shifts, from the rig as it was given."""
+    """Rotation vectors and shifts, relative to the rig as given."""
     spread: Float[Array, "cams 6"]
-    """Their standard deviations by the outlines and the prior together: 1 where outlines say nothing."""
+    """Their standard deviations from outlines and prior together: 1 if the outlines tell nothing."""
 
 
 def noise_of(residuals: Float[Array | np.ndarray, " rays"], least: float) -> float:
-    """Standard deviation of outlines (px) that residuals show, most of which are noise at the end; `least` or more."""
+    """Robust standard deviation of outlines (px) from residuals that are mostly noise; at least `least`."""
     return max(least, _FROM_MEDIAN * float(np.median(residuals))) if np.size(residuals) else least
 
 
@@ -47,18 +47,18 @@ def camera_step(
     units: Float[Array | np.ndarray, "6"],
     noise: Float[Array | np.ndarray, "2"],
 ) -> CameraStep:
-    """Bring silhouettes together: ``sum w max(0, r - n)^2 + sum w q^2 + |unknowns|^2``, the last part the prior.
+    """Minimise ``sum w max(0, r - n)^2 + sum w q^2 + |unknowns|^2``, the last term being the prior.
 
-    What rays miss by less than the noise ``n`` of outlines that are made of pixels is no evidence. As only what is
-    positive counts, noise does not cancel: the rig would be bent until no ray missed by it.
+    Misses of rays below the noise ``n`` of pixel outlines are no evidence. Only positive residuals count, so noise does
+    not cancel: without ``n`` the rig would be bent until no ray missed because of it.
 
     Args:
-        rays: Residuals r of the rig as it is now, evidence where they are positive.
-        tangents: Residuals q that are evidence in either direction.
-        alike: So many of these err together.
-        now: The rig's unknowns.
-        units: The prior's standard deviations of the unknowns of a camera (rad and m).
-        noise: Of the rays and of the tangents, see `noise_of`.
+        rays: Residuals r of the current rig, which are evidence if positive.
+        tangents: Residuals q, which are evidence in either direction.
+        alike: Number of tangents that share the errors of each tangent.
+        now: Current unknowns of the rig.
+        units: Standard deviations of the prior for the unknowns of a camera (rad and m).
+        noise: Noise of the rays and of the tangents, see `noise_of`.
     """
     start = jnp.asarray(now).reshape(-1)
 
@@ -70,7 +70,7 @@ def camera_step(
 
     noise = jnp.asarray(noise)
     shared = jnp.maximum(jnp.asarray(alike), _PLANES_ALIKE)
-    # Rays of a view are five pixels apart: each errs by itself.
+    # Rays of a view are five pixels apart, so their errors are independent.
     given = weighted(rays, noise[0], 1.0, LEAST_NOISE), weighted(tangents, noise[1], shared, 0.0)
 
     def residuals(unknowns: Float[Array, " unknowns"], given: tuple[tuple[Array, Array], ...]) -> tuple[Array, ...]:

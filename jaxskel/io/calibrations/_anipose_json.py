@@ -1,4 +1,4 @@
-"""Calibrations of the AIST Dance Video Database as AIST++ has them: Anipose's keys in a JSON list."""
+"""Calibrations of the AIST Dance Video Database in the JSON of AIST++: a list of cameras with Anipose's keys."""
 
 import re
 from pathlib import Path
@@ -10,7 +10,7 @@ from ._text import rotation
 
 _KEYS = {"name", "size", "matrix", "distortions", "rotation", "translation"}
 _CENTIMETRE = 0.01
-# AIST's nine cameras.
+# Names of AIST's nine cameras.
 _NAMES = re.compile(r"c\d\d")
 
 
@@ -22,7 +22,8 @@ def is_anipose_list(table: Any) -> bool:
 def read_anipose_list(path: Path, table: Any) -> Contents:
     """Read `settingN.json` of AIST++, in centimetres.
 
-    No unit is stated: where the cameras do not have AIST's names, c01 to c09, metres are taken, as of Anipose's TOML.
+    The file states no unit: if the cameras do not have AIST's names c01 to c09, the unit is the metre, as in Anipose's
+    TOML.
     """
     entries = [_entry(path, i, camera) for i, camera in enumerate(table)]
     if all(_NAMES.fullmatch(entry.name) for entry in entries):

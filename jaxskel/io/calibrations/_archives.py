@@ -1,4 +1,4 @@
-"""Small arrays of `.npz` and `.npy` files that may come from anywhere."""
+"""Reads small arrays of untrusted `.npz` and `.npy` files."""
 
 import io
 from pathlib import Path
@@ -7,17 +7,17 @@ import numpy as np
 
 from ..files import fault, keys_of, numbers, read_arrays, read_bounded
 
-# Of all arrays of a calibration: a thousand cameras take a hundredth of this.
+# Largest total size of a calibration's arrays (bytes): a thousand cameras take a hundredth of this.
 _MAX_BYTES = 2**24
 
 
 def checked_arrays(path: Path, required: tuple[str, ...], optional: tuple[str, ...]) -> dict[str, np.ndarray]:
-    """Read the named arrays, which are not larger than a calibration's."""
+    """Read the named arrays, of at most the size of a calibration."""
     return read_arrays(path, required, optional, _MAX_BYTES)
 
 
 def small_arrays(path: Path) -> dict[str, np.ndarray]:
-    """All arrays of numbers of an archive."""
+    """All numeric arrays of an archive."""
     keys = tuple(keys_of(path))
     if not 0 < len(keys) < 1000:
         raise fault(path, None, f"holds {len(keys)} arrays; give one for each camera, or one of them all")

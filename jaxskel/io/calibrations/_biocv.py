@@ -1,4 +1,4 @@
-"""Calibrations of the BioCV dataset (University of Bath): a text of numbers a camera, `00.mp4-mocAligned.calib`."""
+"""Calibrations of the BioCV dataset (University of Bath): one text of numbers for each camera."""
 
 import os
 import re
@@ -14,23 +14,23 @@ from ._text import nearest_rotation, read_text, split_numbers
 SUFFIX = ".calib"
 _VIDEO = r"\.(mp4|avi|mov|mkv|m4v|mpg)"
 _MILLIMETRE = 0.001
-# Width, height, K and the pose by rows, then four or five coefficients of the lens.
+# Numbers in a file: width, height, K and the pose by rows, then four or five lens coefficients.
 _COUNTS = (31, 32)
 _MAX_BYTES = 20_000
 
 
 def read_biocv(path: Path) -> Contents:
-    """Read a file, or all `.calib` files of a folder, each named after the video before it: `00` of `00.mp4-....calib`.
+    """Read a file, or all `.calib` files of a folder; `00.mp4-mocAligned.calib` is the camera `00`.
 
-    The world is that of the motion capture, in millimetres with Z up. The 3 x 3 block of the pose is a rotation times
-    a number near 0.998, by which the translation is divided too: the image of a point is the same at any scale.
+    The world is that of the motion capture, in millimetres with Z up. The 3 x 3 block of the pose is a rotation times a
+    factor near 0.998. The translation is divided by it too, which does not change the projection of a point.
     """
     files = sorted_files(path, SUFFIX) if os.path.isdir(path) else [path]
     return Contents("BioCV", [_entry(file) for file in files], _MILLIMETRE, "+Z")
 
 
 def is_biocv(text: str) -> bool:
-    """Whether a text has as many numbers, in lines of as many, as a file of BioCV."""
+    """Whether the lines of a text have the same numbers of words as a file of BioCV."""
     counts = [len(line.split()) for line in text.splitlines() if line.strip()]
     return counts[:-1] == [1, 1, 3, 3, 3, 4, 4, 4, 4] and counts[-1] in (4, 5)
 

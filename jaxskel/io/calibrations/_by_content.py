@@ -1,4 +1,4 @@
-"""XML and text whose suffix many formats share: what they hold tells which it is."""
+"""Chooses the reader of XML and text files, whose suffixes many formats share, by their content."""
 
 import re
 from pathlib import Path
@@ -18,12 +18,12 @@ from ._xml import parse_xml
 
 SUFFIXES = (".txt", ".xml", ".xcp", ".mcal", ".cal", ".calib", ".calibration", ".par", "")
 _CAPTURY = "tc camera calibration"
-# Words that are looked at: those of a matrix.
+# Number of words that are examined: those of a matrix.
 _BEGIN = 12
 
 
 def read_by_content(path: Path) -> Contents | None:
-    """Read a file of XML or text, or None where it is of no known format."""
+    """Read a file of XML or text; None if its format is unknown."""
     suffix = path.suffix.lower()
     if suffix == _motive.SUFFIX:
         return _motive.read_motive(path)
@@ -42,7 +42,7 @@ def read_by_content(path: Path) -> Contents | None:
         if is_it(text):
             return read(path)
     if suffix == _biocv.SUFFIX:
-        return _biocv.read_biocv(path)  # to be told what is wrong with it
+        return _biocv.read_biocv(path)  # to get a message about what is wrong with it
     return read_projection_text(path) if suffix == ".txt" and _is_matrix(text) else None
 
 
@@ -54,7 +54,7 @@ def _of_xml(path: Path, root: str) -> Contents | None:
 
 
 def _is_matrix(text: str) -> bool:
-    """Whether a text begins with the numbers of a matrix, maybe after CONTOUR."""
+    """Whether a text begins with the numbers of a matrix, possibly after the word CONTOUR."""
     words = [found[0] for found, _ in zip(re.finditer(r"\S+", text), range(_BEGIN + 1), strict=False)]
     words = words[words[:1] == ["CONTOUR"] :]
     return bool(words) and all(isinstance(to_number(word), float) for word in words[:_BEGIN])

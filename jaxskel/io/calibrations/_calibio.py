@@ -1,4 +1,4 @@
-"""calib.io's Camera Calibrator: the JSON of its library, libCalib."""
+"""Calibrations of calib.io's Camera Calibrator: the JSON of its library libCalib."""
 
 from pathlib import Path
 from typing import Any
@@ -10,16 +10,16 @@ from ._calibration import CameraEntry, Contents, camera_fault
 from ._json import given, table_of
 from ._text import from_quaternion, from_vector
 
-# In OpenCV's order; its longer models are read where what is beyond is zero.
+# In OpenCV's order; longer models than the supported ones are accepted if the further coefficients are zero.
 _OPENCV = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tauX", "tauY")
-# What each model's coefficients are in OpenCV's order; and whether it is that of cv2.fisheye.
+# The coefficients of each model in OpenCV's order, and whether the model is that of cv2.fisheye.
 _MODELS = {
     "CameraModelOpenCV": (_OPENCV, False),
     "CameraModelMatlab": (("k1", "k2", "p1", "p2", "k3"), False),
     "CameraModelPinhole": ((), False),
     "CameraModelOpenCVFisheye": (("k1", "k2", "k3", "k4"), True),
 }
-# The archive's number of a class, whose highest bit says that its name follows.
+# Bit of a class number in the archive that says that the class name follows.
 _NAME_FOLLOWS = 1 << 31
 
 
@@ -30,10 +30,10 @@ def is_calibio(table: Any) -> bool:
 
 
 def read_calibio(path: Path, table: dict[str, Any]) -> Contents:
-    """Read all cameras, cam0, cam1, ..., or by their serial numbers where the file has them.
+    """Read all cameras, named cam0, cam1, ..., or by their serial numbers if the file has them.
 
-    Metres, in the frame of the first camera; ``transform`` is from there to the camera. The focal length is ``f`` in
-    width and ``f ar`` in height; an integer is the centre of a pixel.
+    Lengths are metres, in the frame of the first camera; ``transform`` goes from there to the camera. The focal length
+    is ``f`` horizontally and ``f ar`` vertically; integer coordinates are pixel centres.
     """
     cameras = table["Calibration"]["cameras"]
     if not isinstance(cameras, list):
@@ -55,7 +55,7 @@ def read_calibio(path: Path, table: dict[str, Any]) -> Contents:
 
 
 def _model(path: Path, name: str, model: dict[str, Any], models: dict[Any, str]) -> str:
-    """The name of a lens model, which an archive writes down with the first camera that has it only."""
+    """The name of a lens model, which an archive states only for the first camera that has it."""
     number, kind = model.get("polymorphic_id"), model.get("polymorphic_name")
     number = number & ~_NAME_FOLLOWS if type(number) is int else None
     if isinstance(kind, str):
@@ -102,7 +102,7 @@ def _pose(path: Path, name: str, transform: dict[str, Any]) -> tuple[np.ndarray,
 
 
 def _size(path: Path, name: str, data: dict[str, Any]) -> tuple[float, float] | None:
-    """Width and height, which stand in the model's innermost base, at its own depth in each model."""
+    """Width and height (px), stored in the model's innermost base, whose depth differs between models."""
     base: Any = data
     while isinstance(base, dict):
         size = base.get("imageSize", base)

@@ -1,4 +1,4 @@
-"""The validated type that every calibration file is read into, and the one place where it is validated."""
+"""The validated type that every calibration file is read into, and its validation."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -9,38 +9,37 @@ import numpy as np
 from ...cameras import COEFFICIENTS, FISHEYE_COEFFICIENTS, Cameras, make_cameras
 from ..files import fault
 
-# A camera of a motion-capture room stands within this many metres of its origin; farther means millimetres.
+# Largest distance of a camera from the origin (m): in a larger rig the unit is most likely the millimetre.
 _FARTHEST_CAMERA = 100.0
-# Cameras that see one person from several sides stand farther from each other than this (m); millimetres that
-# were divided by 1000 once too often do not.
+# Smallest distance between cameras that see one person from several sides (m); millimetres that were divided by 1000
+# once too often fall below it.
 _NARROWEST_RIG = 0.1
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """A calibrated rig out of a file, in metres and in OpenCV's convention."""
+    """A calibrated rig from a file, in metres and in OpenCV's convention (world to camera)."""
 
     cameras: Cameras
-    """The rig, checked."""
+    """The rig, validated (extrinsics in m, intrinsics in px)."""
     up: str | None
-    """World axis that points up, such as "+Z", as the format states it or by its fixed habit; None where it does
-    not say."""
+    """World axis that points up, such as "+Z", as the format states or implies; None if it does neither."""
     format: str
-    """What the file was taken for, such as "Qualisys", for messages."""
+    """Name of the recognised format, such as "Qualisys", for messages."""
     unposed: tuple[str, ...] = ()
-    """Names of the cameras that the file has without a pose, which are left out."""
+    """Names of cameras without a pose in the file, which are left out."""
 
 
 @dataclass(frozen=True)
 class CameraEntry:
-    """One camera as its file has it, in OpenCV's convention but in the file's unit of length."""
+    """One camera as its file describes it, in OpenCV's convention but in the file's unit of length."""
 
     name: str
     K: np.ndarray
     R: np.ndarray
     t: np.ndarray
     dist: np.ndarray
-    """OpenCV's coefficients; of a fisheye lens the four of `cv2.fisheye`."""
+    """OpenCV's coefficients; for a fisheye lens the four of `cv2.fisheye`."""
     size: tuple[float, float] | None
     fisheye: bool = False
     """Whether the lens model is that of `cv2.fisheye`."""
@@ -48,28 +47,28 @@ class CameraEntry:
 
 @dataclass(frozen=True)
 class Contents:
-    """What a reader found in a file."""
+    """The result of a reader, not yet validated."""
 
     format: str
     entries: list[CameraEntry]
     unit: float | None
-    """Metres per unit of the file, None where the format has no scale."""
+    """Metres per unit of the file; None if the format has no scale."""
     up: str | None
     unposed: tuple[str, ...] = ()
-    """Names of the cameras that have no pose, and are not among the entries."""
+    """Names of cameras without a pose, which are not among the entries."""
     scale_is: str = "measure a length in the scene and give unit, the metres per unit of the file"
-    """How the scale is found where the format has none."""
+    """How the user can find the scale if the format has none."""
 
 
 def camera_fault(path: Path, camera: str, message: str) -> ValueError:
-    """The one line for a fault of one camera of a file."""
+    """The error for a fault of one camera of a file, in one line."""
     return fault(path, None, f"camera {camera}: {message}")
 
 
 def validated(
     path: Path, contents: Contents, unit: float | None, sizes: Mapping[str, tuple[int, int]] | None
 ) -> Calibration:
-    """Check what a reader found, and bring it to metres."""
+    """Validate the result of a reader, and convert it to metres."""
     entries = contents.entries
     if not entries:
         told = (
@@ -107,10 +106,10 @@ def choose_views(calibration: Calibration, views: Sequence[str]) -> Calibration:
 
     Args:
         calibration: The rig.
-        views: Names of the views, each that of its camera.
+        views: Names of the views, each the name of its camera.
 
     Raises:
-        ValueError: One line that names the views without a camera, and the cameras there are.
+        ValueError: One line that names the views without a camera, and the available cameras.
     """
     names = calibration.cameras.names
     lost = [view for view in views if view not in names]
@@ -126,7 +125,7 @@ def choose_views(calibration: Calibration, views: Sequence[str]) -> Calibration:
 
 
 def not_posed(kind: str) -> str:
-    """What is wrong with a camera that its file has no pose of."""
+    """The message for a camera without a pose."""
     ignore = " and ignore the camera (ignore = true)" if kind.startswith("Caliscope") else ""
     return (
         f"was not posed: {kind} gives it no rotation or no translation; calibrate it with the others, or leave out "
@@ -135,7 +134,7 @@ def not_posed(kind: str) -> str:
 
 
 def _lens(path: Path, entry: CameraEntry) -> np.ndarray:
-    """At most eight coefficients; OpenCV's longer models are read where what is beyond is zero."""
+    """At most eight coefficients; OpenCV's longer models are accepted if the further ones are zero."""
     if entry.fisheye:
         if len(entry.dist) != FISHEYE_COEFFICIENTS:
             raise camera_fault(
@@ -160,7 +159,7 @@ def _scale(path: Path, contents: Contents, unit: float | None) -> float:
         unit = contents.unit
     if unit is None:
         raise fault(path, None, f"{contents.format} has no scale: {contents.scale_is}")
-    # Nanometres to kilometres; beyond, squares of lengths overflow.
+    # Units from nanometres to kilometres; beyond, squares of lengths overflow.
     if not 1e-9 <= unit <= 1e3:
         raise ValueError(f"unit is {unit}; give metres per unit of the file, 0.001 where it is in millimetres")
     for entry in contents.entries:

@@ -15,8 +15,8 @@ from ._image_files import names_of_images
 from ._text import from_quaternion, read_text, split_numbers, to_number
 
 PAIR = ("cameras.txt", "images.txt")
-# Where each model's parameters go: focal lengths, principal point, then OpenCV's k1, k2, p1, p2, k3, ...,
-# or, of a fisheye lens, cv2.fisheye's k1, k2, k3, k4.
+# Positions of each model's parameters: focal lengths, principal point, then OpenCV's k1, k2, p1, p2, k3, ..., or for
+# fisheye lenses k1, k2, k3, k4 of cv2.fisheye.
 _FOCAL_LENGTHS = {
     "SIMPLE_PINHOLE": 1, "PINHOLE": 2, "SIMPLE_RADIAL": 1, "RADIAL": 1, "OPENCV": 2, "FULL_OPENCV": 2,
     "SIMPLE_FISHEYE": 1, "FISHEYE": 2, "SIMPLE_RADIAL_FISHEYE": 1, "RADIAL_FISHEYE": 1, "OPENCV_FISHEYE": 2,
@@ -25,9 +25,9 @@ _DISTORTIONS = {
     "SIMPLE_PINHOLE": 0, "PINHOLE": 0, "SIMPLE_RADIAL": 1, "RADIAL": 2, "OPENCV": 4, "FULL_OPENCV": 8,
     "SIMPLE_FISHEYE": 0, "FISHEYE": 0, "SIMPLE_RADIAL_FISHEYE": 1, "RADIAL_FISHEYE": 2, "OPENCV_FISHEYE": 4,
 }  # fmt: skip
-# COLMAP counts from the corner of the first pixel, OpenCV from its centre.
+# COLMAP's origin is the corner of the first pixel, OpenCV's its centre.
 _HALF_PIXEL = 0.5
-_MOST_WORDS = 20  # of a lens: more are refused, however many there are
+_MOST_WORDS = 20  # of a lens; longer lines are refused without reading on
 
 
 class _Lens(NamedTuple):
@@ -38,10 +38,10 @@ class _Lens(NamedTuple):
 
 
 def read_colmap(folder: Path) -> Contents:
-    """Read the two files of a folder: one camera an image, whose lens it may share with other images.
+    """Read the two files of a folder: one camera for each image, whose lens several images may share.
 
-    A camera has the name of its image without the suffix, or that of the image's folder where every folder holds one
-    image. COLMAP has no scale and no upright.
+    A camera is named after its image without the suffix, or after the image's folder if every folder holds one image.
+    COLMAP has no scale and no up axis.
     """
     lenses = _lenses(folder / PAIR[0])
     path = folder / PAIR[1]
@@ -59,7 +59,7 @@ def read_colmap(folder: Path) -> Contents:
 
 
 def _words(line: str) -> Iterator[str]:
-    """The words of a line that may hold millions of them, one at a time."""
+    """Iterate over the words of a line, which may have millions of them."""
     return (found[0] for found in re.finditer(r"\S+", line))
 
 
@@ -94,7 +94,7 @@ def _lens(path: Path, camera: str, model: str, rest: str) -> _Lens:
 
 
 def _poses(path: Path) -> list[list[str]]:
-    """The words of the line of each image. A line with its points follows, which may be empty or left out."""
+    """The words of the line of each image. A line with its points follows, which may be empty or missing."""
     found = []
     for line in read_text(path).splitlines():
         words = line.split(maxsplit=9)
@@ -103,7 +103,7 @@ def _poses(path: Path) -> list[list[str]]:
         is_pose = len(words) == 10
         count = sum(1 for _ in _words(line))
         if is_pose and all(isinstance(to_number(word), float) for word in _words(line)):
-            # Points come in threes, and a name of digits makes ten words.
+            # Points are triples, so a line of points has a multiple of three words; the ten words of a pose are none.
             is_pose = count % 3 != 0
         if is_pose:
             found.append(words)

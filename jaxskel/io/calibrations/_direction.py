@@ -1,8 +1,8 @@
-"""Whether cameras look at one point from several sides, or would if their poses were meant in another way.
+"""Checks whether the cameras look at one point from several sides, or would with another meaning of their poses.
 
-That a rotation and three numbers mean x_cam = R x + t, and not a camera's place or the way back, nothing says in a
-file but the habit of its format. Cameras that film a person look at it from several sides. Where they do not, but all
-of them would if the numbers were meant in another way, the file is not taken at its word.
+Whether a rotation and three numbers mean x_cam = R x + t, or the camera's centre, or the inverse pose, only follows
+from the convention of a format. Cameras that film a person look at it from several sides. If they do not, but all of
+them would with another meaning of the numbers, the file is refused.
 """
 
 from collections.abc import Iterator
@@ -13,24 +13,25 @@ import numpy as np
 from ..files import fault
 from ._calibration import Contents
 
-# Degrees between a camera's axis and the point that all look at. A person fills an image from edge to edge, 35 degrees
-# from its middle for a wide lens; what is taken for the truth instead must fit better than that.
+# Angles between a camera's axis and the common point (degrees): above the first, a camera looks away; below the second,
+# it looks at it. A person may fill the image of a wide lens, up to 35 degrees from its centre.
 _LOOKS_AWAY, _LOOKS_AT = 45.0, 20.0
-# Degrees between two cameras as seen from that point, for the farthest two: cameras whose poses are misread stand on a
-# heap. With these limits, none of 3600 random rigs (three to sixteen cameras, in a row or in a ring) was refused.
+# Angle between the two farthest cameras, seen from that point (degrees), that another meaning must exceed, and the
+# factor by which it must enlarge it unless a camera looks away: misread cameras cluster. With these limits, none of
+# 3600 random rigs (three to sixteen cameras, in a row or in a ring) was refused.
 _SEVERAL_SIDES, _FACTOR = 60.0, 2.0
-# Two lines of sight nearly meet by chance.
+# Smallest number of cameras: two optical axes nearly meet by chance.
 _FEWEST = 3
 _TO_OPENGL = np.diag([1.0, -1.0, -1.0])
 
 
 def check_direction(path: Path, contents: Contents) -> None:
-    """Refuse poses by which cameras look apart, where another meaning lets all of them look at one point."""
+    """Refuse poses with which cameras look apart, if another meaning lets all of them look at one point."""
     if len(contents.entries) < _FEWEST:
         return
     R = np.stack([entry.R for entry in contents.entries])
     t = np.stack([entry.t for entry in contents.entries])
-    # What is no rotation is refused later.
+    # A matrix that is no rotation is refused later.
     if np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max() > 1e-3:
         return
     away, apart = _looks(R, t)
@@ -48,7 +49,7 @@ def check_direction(path: Path, contents: Contents) -> None:
 
 
 def _others(R: np.ndarray, t: np.ndarray) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
-    """Other meanings of the numbers of a file, as poses from world to camera in OpenCV's axes."""
+    """Other meanings of the numbers of a file, as world-to-camera poses in OpenCV's axes."""
     back = R.transpose(0, 2, 1)
     yield "its translations were the optical centres", R, -_turned(R, t)
     yield "its optical centres were translations", R, -_turned(back, t)
@@ -62,7 +63,7 @@ def _turned(R: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def _looks(R: np.ndarray, t: np.ndarray) -> tuple[float, float]:
-    """Of the point that is nearest to all axes: the largest angle (degrees) from an axis, and between two cameras."""
+    """For the point nearest to all axes: the largest angle (degrees) from an axis, and between two cameras."""
     centres, axes = -_turned(R.transpose(0, 2, 1), t), R[:, 2]
     across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
     point = np.linalg.lstsq(across.sum(0), _turned(across, centres).sum(0), rcond=1e-9)[0]

@@ -1,4 +1,4 @@
-"""EasyMocap's pair of files, `intri.yml` and `extri.yml`."""
+"""EasyMocap's pair of calibration files, `intri.yml` and `extri.yml`."""
 
 import re
 from pathlib import Path
@@ -14,18 +14,17 @@ from ._opencv_yaml import Value, read_opencv_yaml, yaml_matrix
 from ._text import numbers, rotation, to_vector
 
 PAIR = ("intri.yml", "extri.yml")
-# Files hold about six digits; a matrix and a vector of one rotation differ by less than this.
+# Largest difference between a matrix and a vector of one rotation: files hold about six digits.
 _SAME_ROTATION = 1e-3
 _NO_NAME = "none"
 
 
 def read_easymocap(folder: Path) -> Contents:
-    """Read the pair of files in a folder: metres, a world with Z up, and no image size but where ``W_`` and ``H_`` are.
+    """Read the pair of files in a folder: metres, Z up, and an image size only if ``W_`` and ``H_`` are nonzero.
 
-    Where these are zero, EasyMocap did not know the size. Matrices bear a camera's name, without what follows a dot
-    and, where the name is a number without quotes, without leading zeros; from Pose2Sim they bear the number of the
-    camera, from 1. A lens is ``dist_`` or ``D_``; one that is not there has no distortion. An old OpenCV writes a
-    ``none`` before each name.
+    The keys of matrices end with the camera's name, without what follows a dot and, if the name is an unquoted number,
+    without leading zeros; files by Pose2Sim use the number of the camera, from 1. The distortion is ``dist_`` or
+    ``D_``, and zero if missing. Old versions of OpenCV write ``none`` before each name.
     """
     intri_path, extri_path = (folder / name for name in PAIR)
     intri, extri = read_opencv_yaml(intri_path), read_opencv_yaml(extri_path)
@@ -42,13 +41,13 @@ def _names(path: Path, intri: dict[str, Value]) -> list[str]:
     names = intri.get("names")
     if not isinstance(names, list):
         raise fault(path, "names", "is missing or no list; give the names of the cameras")
-    # EasyMocap reads a number without quotes as a whole one.
+    # EasyMocap reads an unquoted number as an integer.
     texts = [name if isinstance(name, str) else f"{name:.0f}" for name in names]
     return [name for name in texts if name != _NO_NAME]
 
 
 def _key(intri: dict[str, Value], name: str) -> str:
-    """What a camera is called in the keys of its matrices."""
+    """Name of a camera in the keys of its matrices."""
     without_zeros = name.lstrip("0") or "0" if name.isdecimal() else name
     return next((key for key in (name, name.split(".")[0], without_zeros) if f"K_{key}" in intri), name)
 
@@ -57,12 +56,12 @@ def write_easymocap_calibration(folder: str | Path, cameras: Cameras) -> None:
     """Write `intri.yml` and `extri.yml` as EasyMocap reads them.
 
     Args:
-        folder: Where to write the two files.
-        cameras: The rig, in a world with Z up, as EasyMocap takes it to be ([`Cameras.rotated`][] turns a world).
+        folder: Folder for the two files.
+        cameras: The rig (m), in a world with Z up, as EasyMocap expects ([`Cameras.rotated`][] rotates a world).
 
     Raises:
-        ValueError: A name that cannot be part of a key, or a lens that the format cannot hold: one with k4, k5 or k6,
-            or a fisheye.
+        ValueError: A name that cannot be part of a key, or a lens that the format cannot express: one with k4, k5 or
+            k6, or a fisheye.
     """
     intri = ["%YAML:1.0", "---", "names:", *(f'   - "{name}"' for name in cameras.names)]
     extri = list(intri)

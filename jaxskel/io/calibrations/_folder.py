@@ -1,4 +1,4 @@
-"""Folders that hold one file a camera."""
+"""Lists folders that hold one file for each camera."""
 
 import os
 from collections.abc import Callable
@@ -11,7 +11,7 @@ _MOST_FILES = 1000
 
 
 def sorted_files(folder: Path, *suffixes: str) -> list[Path]:
-    """Its files with one of the suffixes, in the order of their names, cam_2 before cam_10."""
+    """The files of a folder with one of the suffixes, sorted by name, cam_2 before cam_10."""
     files = _sorted(folder, lambda entry: entry.name.lower().endswith(suffixes) and entry.is_file())
     if len(files) > _MOST_FILES:
         raise fault(folder, None, f"holds {len(files)} {' and '.join(suffixes)} files; give a folder with one a camera")
@@ -19,12 +19,12 @@ def sorted_files(folder: Path, *suffixes: str) -> list[Path]:
 
 
 def sorted_folders(folder: Path) -> list[Path]:
-    """The folders in it, in the same order."""
+    """The subfolders of a folder, sorted by name, cam_2 before cam_10."""
     return _sorted(folder, lambda entry: entry.is_dir())
 
 
 def _sorted(folder: Path, chosen: Callable[[os.DirEntry[str]], bool]) -> list[Path]:
-    # There may be a hundred thousand images beside them.
+    # The folder may also hold a hundred thousand images.
     try:
         with os.scandir(folder) as entries:
             names = [entry.name for entry in entries if chosen(entry)]

@@ -1,4 +1,4 @@
-"""Names of cameras out of the names of their images."""
+"""Derives names of cameras from the names of their images."""
 
 from pathlib import Path, PurePosixPath
 
@@ -6,7 +6,7 @@ from ..files import fault
 
 
 def names_of_images(path: Path, files: list[str]) -> list[str]:
-    """The name of each image without its suffix, or that of its folder where every folder holds one image."""
+    """The name of each image without its suffix, or that of its folder if every folder holds one image."""
     paths = [PurePosixPath(file.strip().replace("\\", "/")) for file in files]
     stems, folders = [p.stem for p in paths], [p.parent.name for p in paths]
     for names in (stems, folders):

@@ -1,4 +1,4 @@
-"""Which reader takes a JSON file: what its keys are tells."""
+"""Chooses the reader of a JSON file by its keys."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from ._json import check_count, read_json
 from ._projections import matrices_in, read_projection_table
 from ._written_json import cameras_in, read_written
 
-# The most files of one camera each that a folder holds.
+# Largest number of single-camera files in a folder.
 _MOST_FILES = 1000
 _KINDS = (
     (_open3d.is_open3d, _open3d.read_open3d),
@@ -23,12 +23,12 @@ _KINDS = (
 
 
 def read_json_file(path: Path) -> Contents | None:
-    """What a file holds; nothing where it is of no known format."""
+    """Read a JSON file; None if its format is unknown."""
     table = read_json(path)
     for group in (table, *(table.values() if isinstance(table, dict) else ())):
         if isinstance(group, list | dict):
             check_count(path, len(group))
-    # The studio's 521 cameras look at one person, and its habits are in the name of the format.
+    # The Panoptic Studio has 521 cameras that look at one person, and the format implies its conventions.
     if _panoptic.is_panoptic(table):
         return _panoptic.read_panoptic(path, table)
     for is_kind, read in _KINDS:
@@ -46,7 +46,7 @@ def read_json_file(path: Path) -> Contents | None:
 
 
 def read_json_folder(path: Path, files: list[Path]) -> Contents | None:
-    """The cameras of a folder whose files hold one each, by the names of the files; nothing where one holds none."""
+    """The cameras of a folder with one file each, named after the files; None if a file holds no camera."""
     if len(files) > _MOST_FILES:
         raise fault(path, None, f"holds {len(files)} JSON files; give a folder with one file a camera, or one of them")
     found = []

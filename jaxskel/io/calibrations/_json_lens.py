@@ -1,4 +1,4 @@
-"""The lens of a camera in JSON that was written by hand, under the keys that people give it."""
+"""Reads the lens of a camera in hand-written JSON, under the usual keys."""
 
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -35,15 +35,15 @@ class Lens(NamedTuple):
 
 
 def has_lens(camera: dict[str, Any]) -> bool:
-    """Whether an object has a matrix K, or the two focal lengths that stand in one."""
+    """Whether an object has a matrix K, or its focal lengths and principal point."""
     return any(camera.get(key) is not None for key in _MATRICES) or {"fx", "fy", "cx", "cy"} <= camera.keys()
 
 
 def read_lens(path: Path, name: str, camera: dict[str, Any]) -> Lens:
-    """K as 3 x 3 numbers or by fx, fy, cx, cy; OpenCV's coefficients as a list or by k1, k2, p1, ..., or none at all.
+    """Read K as 3 x 3 numbers or fx, fy, cx, cy (px), and OpenCV's coefficients as a list, k1, k2, p1, ..., or none.
 
-    An object with ``data`` is a matrix of OpenCV's own JSON. A fisheye lens says so: ``fisheye`` is true, or the name
-    of its model does; it has cv2.fisheye's k1 to k4.
+    An object with ``data`` is a matrix of OpenCV's own JSON. A fisheye lens is marked by ``fisheye``: true or by the
+    name of its model; it has k1 to k4 of cv2.fisheye.
     """
     K = _matrix(path, name, camera)
     fisheye = _is_fisheye(path, name, camera)
@@ -56,14 +56,14 @@ def read_lens(path: Path, name: str, camera: dict[str, Any]) -> Lens:
 
 
 def plain(path: Path, name: str, key: str, value: Any, *counts: int) -> np.ndarray:
-    """The numbers of a list, or of a matrix that OpenCV's FileStorage wrote."""
+    """The numbers of a list, or of a matrix written by OpenCV's FileStorage."""
     if isinstance(value, dict) and "data" in value:
         value = value["data"]
     return numbers(path, name, key, value, *counts)
 
 
 def one_of(path: Path, name: str, camera: dict[str, Any], keys: tuple[str, ...]) -> str | None:
-    """The one of some keys that is there, if one is."""
+    """The one key among several synonyms that is present; None if there is none."""
     here = [key for key in keys if camera.get(key) is not None]
     if len(here) > 1:
         raise camera_fault(path, name, f"{' and '.join(here)} are both there; keep one")
@@ -79,7 +79,7 @@ def _matrix(path: Path, name: str, camera: dict[str, Any]) -> np.ndarray:
     if len(found) == 9:
         return found.reshape(3, 3)
     found = found.reshape(4, 4)
-    # A square matrix of four rows is one of three with the unit's last row and column; PyTorch3D's has others.
+    # A 4 x 4 matrix is a 3 x 3 one with the last row and column of the identity; PyTorch3D's differ.
     if not np.array_equal(found[3], [0, 0, 0, 1]) or found[:3, 3].any():
         raise camera_fault(path, name, f"{key} is no matrix K with a row and a column of the unit; give 3 x 3 numbers")
     return found[:3, :3]

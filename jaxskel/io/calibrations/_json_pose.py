@@ -1,4 +1,4 @@
-"""The pose of a camera in JSON that was written by hand, under keys that say what they mean."""
+"""Reads the pose of a camera in hand-written JSON, under keys with an unambiguous meaning."""
 
 from pathlib import Path
 from typing import Any
@@ -20,18 +20,18 @@ _TO_CAMERA = (
     "extrinsic_matrix",
 )  # fmt: skip
 _TO_WORLD = ("c2w", "cam2world", "cam_to_world", "camera2world", "camera_to_world")
-# Matrices of which half of the people who write them mean the way there, and half the way back.
+# Ambiguous keys: some people write world-to-camera matrices under them, others camera-to-world.
 _UNCLEAR = ("pose", "poses", "transform", "transformation", "matrix_world", "transform_matrix", "quaternion", "q")
-# Files hold about six digits; a translation and an optical centre of one camera differ by less than this share.
+# Largest relative difference between a translation and an optical centre of one camera: files hold about six digits.
 _SAME_PLACE = 1e-3
 
 
 def read_pose(path: Path, name: str, camera: dict[str, Any]) -> tuple[np.ndarray, np.ndarray] | None:
-    """Rotation and translation of x_cam = R x + t; nothing where the camera was not posed.
+    """Rotation and translation of x_cam = R x + t (file's unit); None if the camera has no pose.
 
-    A rotation R from world to camera, as a matrix or a rotation vector (rad), with a translation t or an optical centre
-    C; or both in one matrix of 3 x 4 or 4 x 4 numbers, from world to camera (``RT``, ``w2c``, ``extrinsic``) or back
-    (``c2w``). ``world2cam``: false turns R and t round.
+    A world-to-camera rotation R, as a matrix or a rotation vector (rad), with a translation t or an optical centre C;
+    or both in one matrix of 3 x 4 or 4 x 4 numbers, from world to camera (``RT``, ``w2c``, ``extrinsic``) or back
+    (``c2w``). ``world2cam``: false inverts R and t.
     """
     if camera.get("convention", "opencv") not in ("opencv", None):
         raise camera_fault(

@@ -1,4 +1,4 @@
-"""Kalibr's `camchain.yaml`: cameras one after the other, each placed by the one before it."""
+"""Kalibr's `camchain.yaml`: a chain of cameras, each posed relative to the previous one."""
 
 import re
 from pathlib import Path
@@ -15,15 +15,15 @@ _KEY = re.compile(r"^([A-Za-z]\w*):(?:\s+|$)(.*)")
 
 
 def is_kalibr(path: Path) -> bool:
-    """Whether a YAML file has a block of a camera as Kalibr writes them."""
+    """Whether a YAML file has a camera block as Kalibr writes it."""
     text = read_text(path)
     return _CAMERA.search(text) is not None and re.search(r"^\s+intrinsics:", text, re.MULTILINE) is not None
 
 
 def read_kalibr(path: Path) -> Contents:
-    """Read the cameras, cam0, cam1, ..., in metres and in the frame of cam0; which way is up is not said.
+    """Read the cameras cam0, cam1, ..., in metres and in the frame of cam0; the up axis is unknown.
 
-    ``T_cn_cnm1`` takes the frame of the camera before to that of the camera.
+    ``T_cn_cnm1`` maps the frame of the previous camera to that of the camera.
     """
     blocks = yaml_blocks(path)
     names = sorted((key for key in blocks if _CAMERA.match(f"{key}:")), key=natural_order)
@@ -42,7 +42,7 @@ def read_kalibr(path: Path) -> Contents:
 
 
 def _keys(lines: list[str]) -> dict[str, str]:
-    """What stands behind each name of a block; lists may go on in the lines below."""
+    """The text behind each name of a block; lists may continue on the lines below."""
     found: dict[str, str] = {}
     key = ""
     for line in lines:

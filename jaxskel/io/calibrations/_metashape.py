@@ -1,4 +1,4 @@
-"""Cameras exported by Agisoft Metashape as XML."""
+"""Calibrations exported by Agisoft Metashape as XML."""
 
 import re
 from pathlib import Path
@@ -11,17 +11,17 @@ from ._calibration import CameraEntry, Contents, camera_fault
 from ._text import split_numbers
 from ._xml import attribute, read_xml
 
-# Metashape counts from the corner of the first pixel, OpenCV from its centre.
+# Metashape's origin is the corner of the first pixel, OpenCV's its centre.
 _HALF_PIXEL = 0.5
-# In metres a room is smaller and the globe larger.
+# Coordinates beyond this (m) are geocentric: a room is smaller and the globe larger.
 _GLOBE = 1e6
 
 
 def read_metashape(path: Path) -> Contents:
-    """Read the aligned cameras, named by their labels, in metres where the chunk has a reference.
+    """Read the aligned cameras, named by their labels, in metres if the chunk has a reference.
 
-    ``transform`` of a camera leads from it, looking along +z with y down, to the chunk; that of the chunk, a
-    similarity, from there to the world. The lens is Brown's like OpenCV's, its two tangential coefficients exchanged.
+    ``transform`` of a camera maps its frame (+z forward, y down) to the chunk; that of the chunk, a similarity, maps
+    the chunk to the world. The lens is Brown's, as in OpenCV but with the two tangential coefficients exchanged.
     """
     root = read_xml(path)
     chunks = root.findall("chunk")
@@ -49,7 +49,7 @@ def read_metashape(path: Path) -> Contents:
 
 
 def _placement(path: Path, chunk: Element) -> tuple[float, np.ndarray, np.ndarray]:
-    """The similarity from the chunk to the world: scale, rotation and translation; none where it has no reference."""
+    """The similarity from chunk to world: scale, rotation and translation; the identity without a reference."""
     found = [*chunk.findall("transform"), *chunk.findall("components/component/transform")]
     if len(found) > 1:
         raise fault(path, None, f"holds {len(found)} components that are not placed alike; export one of them")

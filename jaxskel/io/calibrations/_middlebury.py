@@ -1,4 +1,4 @@
-"""Calibrations of the Middlebury multi-view stereo datasets, `templeR_par.txt`: a line an image."""
+"""Calibrations of the Middlebury multi-view stereo datasets, `templeR_par.txt`: one line for each image."""
 
 import re
 from pathlib import Path, PurePosixPath
@@ -9,12 +9,12 @@ from ..files import fault
 from ._calibration import CameraEntry, Contents
 from ._text import read_text, split_numbers, to_number
 
-_NUMBERS = 21  # a line: K and R by rows, then t
+_NUMBERS = 21  # in a line: K and R by rows, then t
 _MAX_BYTES = 2_000_000
 
 
 def read_middlebury(path: Path) -> Contents:
-    """Read the cameras, named after their images: the number of lines, then name, K, R and t from world to camera.
+    """Read the cameras, named after their images: the number of lines, then name, K, R and t (world to camera).
 
     The format has neither scale nor image size.
     """

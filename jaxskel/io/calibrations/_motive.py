@@ -1,4 +1,4 @@
-"""Calibrations of OptiTrack's Motive from version 3.2 on, `.mcal`, which is XML in UTF-16."""
+"""Calibrations of OptiTrack's Motive since version 3.2: `.mcal`, which is XML in UTF-16."""
 
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -15,9 +15,9 @@ BINARY = (
     "is not text: calibrations of Motive before version 3.2 (.cal) are binary and not read; open it in a newer Motive "
     "and export a .mcal file"
 )
-"""What is said of the older kind."""
-_MAX_BYTES = 8_000_000  # masks of the images are in it too
-# Of cameras that film: Prime Color; and grey and compressed video of the others.
+"""The message for files of older versions."""
+_MAX_BYTES = 8_000_000  # bytes; the file also holds masks of the images
+# Identifiers of cameras that film: Prime Color; and grey and compressed video of the others.
 _COLOUR, _FILMS = "30", ("1", "6")
 # A camera looks along its -z, with y up; OpenCV's looks along +z, with y down.
 _FROM_MOTIVE = np.diag([1.0, -1.0, -1.0])
@@ -25,15 +25,15 @@ _LENS = ("k1", "k2", "TangentialX", "TangentialY", "k3")
 
 
 def read_motive(path: Path) -> Contents:
-    """Read the cameras, named by their serial numbers; only those that film where some do.
+    """Read the cameras, named by their serial numbers; only those that film, if some do.
 
-    The world has Y up, in metres. ``Extrinsic`` holds the place of the camera and, by rows, the rotation from it to the
-    world; ``IntrinsicStandardCameraModel`` is OpenCV's lens, and ``Intrinsic``, Motive's own, is not looked at.
+    The world has Y up, in metres. ``Extrinsic`` holds the optical centre and, by rows, the rotation from camera to
+    world. ``IntrinsicStandardCameraModel`` is OpenCV's lens; ``Intrinsic``, Motive's own, is ignored.
     """
     try:
         root = parse_xml(path, read_text(path, _MAX_BYTES, "utf-16", "no UTF-16"))
     except ValueError:
-        # Those that somebody edited.
+        # Edited files may have another encoding.
         root = parse_xml(path, read_text(path, _MAX_BYTES))
     cameras = root.findall("Calibration/Cameras/Camera")
     if not cameras:

@@ -1,4 +1,4 @@
-"""multical's `calibration.json`."""
+"""Calibrations of multical, `calibration.json`."""
 
 import re
 from pathlib import Path
@@ -10,14 +10,14 @@ from ..files import fault
 from ._calibration import CameraEntry, Contents, camera_fault
 from ._json import given, table_of
 
-# Its fisheye cameras export no other mark than their four coefficients: OpenCV's calibrateCamera never gives four.
+# Number of coefficients of fisheye cameras, their only mark: OpenCV's calibrateCamera never gives four.
 _OF_FISHEYE = 4
 _LONGEST_KEY = 500
 _FISHEYE_MODELS = ("fisheye", "fix_k1", "fix_k2", "fix_k3", "fix_k4")
 
 
 def is_multical(table: Any) -> bool:
-    """Whether JSON has cameras by their names, with multical's keys."""
+    """Whether JSON has named cameras with multical's keys."""
     cameras = table.get("cameras") if isinstance(table, dict) else None
     return isinstance(cameras, dict) and any(
         isinstance(camera, dict) and camera.keys() >= {"K", "dist", "image_size"} for camera in cameras.values()
@@ -25,10 +25,10 @@ def is_multical(table: Any) -> bool:
 
 
 def read_multical(path: Path, table: dict[str, Any]) -> Contents:
-    """Read all cameras that were posed, in the frame of the first or of a rig: metres, as its boards are measured in.
+    """Read all cameras with a pose, in the frame of the first or of a rig, in the unit of its boards (metres).
 
-    A pose stands under the camera's name and is from the rig to the camera, or under ``cam2_to_cam1``; despite that
-    name it takes points from the frame of cam1 to that of cam2. What is up in a room no file says.
+    A pose is stored under the camera's name and maps the rig to the camera, or under ``cam2_to_cam1``, which in spite
+    of the name maps the frame of cam1 to that of cam2. The up axis is unknown.
     """
     cameras = table["cameras"]
     poses = table.get("camera_poses")
@@ -62,12 +62,12 @@ def _entry(path: Path, name: str, cameras: dict[str, Any], pose: np.ndarray) -> 
 
 
 def _keys(poses: dict[str, Any], cameras: dict[str, Any]) -> dict[str, list[tuple[str, str | None]]]:
-    """Under which keys each camera has a pose, and relative to which other camera."""
+    """For each camera, the keys of its poses, and the camera that each is relative to."""
     found: dict[str, list[tuple[str, str | None]]] = {}
     for key in poses:
         if key in cameras:
             found.setdefault(key, []).append((key, None))
-        # Two names, of which even long ones end: a key that is nothing else would take hours.
+        # Limit the length, since a key of nothing but separators would take hours.
         for mark in re.finditer("(?=_to_)", key[:_LONGEST_KEY]):
             name, other = key[: mark.start()], key[mark.start() + len("_to_") :]
             if name in cameras and other in cameras:
@@ -82,9 +82,9 @@ def _pose(
     keys: dict[str, list[tuple[str, str | None]]],
     known: dict[str, np.ndarray],
 ) -> np.ndarray:
-    """From the frame of the file to a camera, along a chain of cameras that each stand relative to another.
+    """Pose from the frame of the file to a camera, along a chain of relative poses.
 
-    The camera that others are relative to may have no pose where it is the frame itself.
+    The camera at the end of the chain needs no pose if it is the frame itself.
     """
     chain: list[tuple[str, np.ndarray]] = []
     last: str | None = name

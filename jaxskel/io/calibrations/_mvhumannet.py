@@ -1,4 +1,4 @@
-"""MVHumanNet's pair of files, `camera_intrinsics.json` and `camera_extrinsics.json`."""
+"""MVHumanNet's pair of calibration files, `camera_intrinsics.json` and `camera_extrinsics.json`."""
 
 from pathlib import Path, PurePosixPath
 
@@ -17,9 +17,9 @@ _SCALE = (
 def read_mvhumannet(folder: Path) -> Contents:
     """Read the pair of files in a folder: one lens for all cameras, poses from world to camera, no image sizes.
 
-    A camera has the last word of its key, ``CC32871A004`` of ``1_CC32871A004.png``, as its folder of images does.
-    Lengths want a scale that lies in a pickle, so that the unit must be given. Intrinsics are those of the whole
-    images; the data set's ``images_lr`` and ``fmask_lr`` are half as wide and high.
+    A camera's name is the last word of its key, ``CC32871A004`` in ``1_CC32871A004.png``, like its folder of images.
+    The scale of lengths is stored in a pickle, so the unit must be given. Intrinsics apply to the full images;
+    ``images_lr`` and ``fmask_lr`` of the data set have half the width and height.
     """
     lens_path, path = (folder / name for name in PAIR)
     lens = table_of(lens_path, "of all files", "the lens", read_json(lens_path))

@@ -1,4 +1,4 @@
-"""`transforms.json` of nerfstudio and instant-ngp: a camera an image."""
+"""`transforms.json` of nerfstudio and instant-ngp: one camera for each image."""
 
 from pathlib import Path
 from typing import Any
@@ -10,14 +10,14 @@ from ._image_files import names_of_images
 from ._json import check_count, given
 
 _PINHOLES = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL")
-# Image coordinates are COLMAP's, from the corner of the first pixel; OpenCV's are from its centre.
+# As in COLMAP, the origin of image coordinates is the corner of the first pixel; OpenCV's is its centre.
 _HALF_PIXEL = 0.5
-# A camera looks along its -z, with y up; OpenCV's looks along +z, with y down.
+# The camera looks along -z with y up; OpenCV's looks along +z with y down.
 _FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
 
 
 def is_nerf(table: Any) -> bool:
-    """Whether JSON lists images with the pose of the camera of each."""
+    """Whether JSON lists images with camera poses."""
     frames = table.get("frames") if isinstance(table, dict) else None
     return isinstance(frames, list) and any(isinstance(f, dict) and "transform_matrix" in f for f in frames)
 
@@ -25,9 +25,9 @@ def is_nerf(table: Any) -> bool:
 def read_nerf(path: Path, table: dict[str, Any]) -> Contents:
     """Read a camera for each image, named after it (cam1.png or cam1/0001.png).
 
-    ``transform_matrix`` is from camera to world, in OpenGL's axes. Intrinsics stand at the top or with the image:
-    ``fl_x``, ``fl_y``, ``cx``, ``cy``, ``w``, ``h``, or the opening ``camera_angle_x`` (rad) and the size. No scale is
-    stated, and what is up only the reader of nerfstudio makes out.
+    ``transform_matrix`` maps camera to world, in OpenGL's axes. Intrinsics are at the top level or with the image:
+    ``fl_x``, ``fl_y``, ``cx``, ``cy``, ``w``, ``h`` (px), or the field of view ``camera_angle_x`` (rad) and the size.
+    The file states neither a scale nor an up axis.
     """
     frames = table["frames"]
     check_count(path, len(frames))

@@ -1,4 +1,4 @@
-"""Open3D's cameras, JSON: a trajectory, or one camera a file."""
+"""Open3D's cameras in JSON: a trajectory, or one file for each camera."""
 
 from pathlib import Path
 from typing import Any
@@ -13,15 +13,16 @@ TRAJECTORY, CAMERA = "PinholeCameraTrajectory", "PinholeCameraParameters"
 
 
 def is_open3d(table: Any) -> bool:
-    """Whether JSON says that it is a camera of Open3D's, or several."""
+    """Whether JSON declares to be one or several cameras of Open3D."""
     return isinstance(table, dict) and table.get("class_name") in (TRAJECTORY, CAMERA)
 
 
 def read_open3d(path: Path, table: dict[str, Any]) -> Contents:
-    """Read a trajectory, cam0, cam1, ...; or one camera, which has the name of its file.
+    """Read a trajectory, cam0, cam1, ...; or one camera, named after its file.
 
-    Matrices are column by column, ``extrinsic`` is from world to camera, an integer is the centre of a pixel. Lenses
-    have no distortion. No unit is stated: metres are taken. Open3D's first versions have one ``intrinsic`` for all.
+    Matrices are stored by columns; ``extrinsic`` maps world to camera; integer coordinates are pixel centres. Lenses
+    have no distortion. The unit is not stated; metres are assumed. Open3D's first versions have one ``intrinsic`` for
+    all.
     """
     if table["class_name"] == CAMERA:
         return Contents("Open3D JSON", [_entry(path, path.stem, table)], 1.0, None)

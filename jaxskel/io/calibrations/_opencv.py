@@ -1,4 +1,4 @@
-"""Cameras written by OpenCV's FileStorage, one a file: what its calibration samples write, with the pose added."""
+"""Cameras written by OpenCV's FileStorage, one for each file: the format of its calibration samples, plus a pose."""
 
 import os
 from pathlib import Path
@@ -15,7 +15,7 @@ from ._opencv_yaml import Matrix, Value, read_opencv_yaml
 from ._text import numbers, read_text, rotation
 
 _YAML = (".yml", ".yaml")
-# What stands in files of the other syntaxes that OpenCV wrote.
+# Text that marks files of the other syntaxes as written by OpenCV.
 _MARKS = {".xml": f"<{ROOT}", ".json": MARK}
 _PARTS = (MATRIX, ROTATION, TRANSLATION)
 # Names of the lens model of cv2.fisheye, the first in ROS; OpenCV's own sample writes `fisheye_model: 1` instead.
@@ -23,13 +23,12 @@ _FISHEYE_MODELS = ("equidistant", "fisheye")
 
 
 def read_opencv(path: Path) -> Contents:
-    """Read a file of a camera, or a folder of them, in the order of their names, cam_2 before cam_10.
+    """Read a file of a camera, or a folder of them, sorted by name, cam_2 before cam_10.
 
-    In the folder are files (YAML, XML or JSON) side by side, or a folder for each camera, after which it is named: with
-    one file, or with several for its parts. A file holds an intrinsic matrix, distortion coefficients and a rotation, a
-    matrix or a vector, and a translation from world to camera, under the usual names (`_opencv_keys.py`), and maybe the
-    size of the image. A camera has the name ``camera_name``, or that of its file or folder. No unit is stated: metres
-    are taken.
+    The folder holds files (YAML, XML or JSON), or a folder named after each camera with one file, or with several files
+    for its parts. A file holds an intrinsic matrix, distortion coefficients, and a rotation (matrix or vector) and a
+    translation from world to camera, under the usual names (`_opencv_keys.py`), and optionally the image size. A camera
+    is named by ``camera_name``, or after its file or folder. The unit is not stated; metres are assumed.
     """
     files = camera_files(path) if os.path.isdir(path) else {path.stem: [path]}
     if not files:
@@ -42,7 +41,7 @@ def read_opencv(path: Path) -> Contents:
 
 
 def camera_files(folder: Path) -> dict[str, list[Path]]:
-    """The files of a folder, or of the folders in it, that may hold a camera, by its name."""
+    """The files of a folder, or of its subfolders, that may hold a camera, by the camera's name."""
     direct = _holders(folder)
     if direct:
         return {file.stem: [file] for file in direct}
@@ -50,7 +49,7 @@ def camera_files(folder: Path) -> dict[str, list[Path]]:
     found = {inner.name: held for inner in folders if (held := _holders(inner))}
     names = {file.name for held in found.values() for file in held}
     for inner in folders:
-        # A camera whose file is damaged would be missing without a word.
+        # Without this error, a camera with a damaged file would be missing silently.
         for file in () if inner.name in found else (inner / name for name in names if os.path.isfile(inner / name)):
             raise fault(file, None, "holds no camera, as those in the folders beside it do; export it again")
     return found
@@ -62,7 +61,7 @@ def matrix_numbers(path: Path, camera: str, key: str, value: Value, *counts: int
 
 
 def holds_camera(file: Path) -> bool:
-    """Whether a file of XML or JSON is OpenCV's, and of a camera: boards and settings are written so too."""
+    """Whether XML or JSON is OpenCV's and describes a camera, rather than a board or settings."""
     if _MARKS[file.suffix.lower()] not in read_text(file):
         return False
     found = _found(file)
@@ -70,7 +69,7 @@ def holds_camera(file: Path) -> bool:
 
 
 def _holders(folder: Path) -> list[Path]:
-    """The files of a folder that are YAML, or others that hold a camera."""
+    """The YAML files of a folder, and the other files that hold a camera."""
     files = sorted_files(folder, *_YAML, *_MARKS)
     return [file for file in files if file.suffix.lower() in _YAML or holds_camera(file)]
 
@@ -80,7 +79,7 @@ def _found(path: Path) -> dict[str, Value]:
 
 
 def _of_all(files: list[Path]) -> dict[str, Value]:
-    """What the files of one camera hold together: the matrix may be in one, the pose in another."""
+    """The combined content of the files of one camera: the matrix may be in one, the pose in another."""
     whole: dict[str, Value] = {}
     for file in files:
         found = _found(file)

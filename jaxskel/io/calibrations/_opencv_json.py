@@ -1,4 +1,4 @@
-"""The JSON that OpenCV's FileStorage writes."""
+"""Reads the JSON that OpenCV's FileStorage writes."""
 
 import json
 from pathlib import Path
@@ -12,7 +12,7 @@ MARK = "opencv-matrix"
 
 
 def read_opencv_json(path: Path) -> dict[str, Value]:
-    """What the file holds by name: matrices, lists and single values. What has names in it itself is left out."""
+    """The content by name: matrices, lists and single values. Nested objects are left out."""
     try:
         table = json.loads(read_text(path))
     except (ValueError, RecursionError) as error:
@@ -38,10 +38,10 @@ def _matrix(path: Path, key: str, value: dict[str, Any]) -> Value:
 
 
 def _scalar(item: Any) -> float | str:
-    """A number or text; whatever else it is becomes the name of its kind, which is refused where a number is wanted."""
+    """A number or text; anything else becomes the name of its type, which is refused where a number is needed."""
     if isinstance(item, bool):
         return str(item).lower()
-    # Python makes no float of integers of hundreds of digits, and refuses to write out those of thousands.
+    # Python cannot convert integers of hundreds of digits to float, nor print those of thousands.
     if isinstance(item, int):
         return float(item) if item.bit_length() < 64 else f"a number of {item.bit_length()} bits"
     return item if isinstance(item, float | str) else type(item).__name__

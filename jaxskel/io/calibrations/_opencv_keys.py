@@ -1,8 +1,8 @@
-r"""Under which names people write a camera with OpenCV's FileStorage, which gives none of its own.
+r"""The key names that people use for a camera in OpenCV's FileStorage, which prescribes none.
 
-OpenCV's calibration sample writes ``camera_matrix`` and ``distortion_coefficients``; the pose is added by hand, and
-many write all of it by hand: ``CameraMatrix``, ``DistortionCoeffs``, ``RotationValues``; ``mtx``, ``dist``, ``rvecs``.
-Signs, capitals and plurals are not looked at, the words are.
+OpenCV's calibration sample writes ``camera_matrix`` and ``distortion_coefficients``. People add the pose, and often all
+the rest, by hand: ``CameraMatrix``, ``DistortionCoeffs``, ``RotationValues``; ``mtx``, ``dist``, ``rvecs``.
+Punctuation, capitals and plurals are ignored.
 """
 
 import re
@@ -15,7 +15,7 @@ import numpy as np
 from ._calibration import camera_fault
 from ._opencv_yaml import Value
 
-# What is written twice, in single precision or as another kind of rotation, is the same within this part of itself.
+# Largest relative difference between duplicates, which may be in single precision or another form of rotation.
 _SAME = 1e-3
 
 
@@ -24,9 +24,9 @@ class Part:
     """A part of a camera."""
 
     names: re.Pattern[str]
-    """What its names are, without signs and capitals."""
+    """Pattern of its names, without punctuation and capitals."""
     examples: str
-    """How most people write it, for messages."""
+    """The most common names, for messages."""
 
 
 _CAMERA = r"(cameras?|cam)?"
@@ -49,14 +49,14 @@ SIZE = Part(re.compile(rf"{_IMAGE}(size|resolution)"), "image_size")
 
 
 def keys_of(found: dict[str, Value], part: Part) -> list[str]:
-    """The keys of a file that name a part of its camera."""
+    """The keys of a file that match a part of a camera."""
     return [key for key in found if part.names.fullmatch(re.sub(r"[^a-z0-9]", "", key.lower()))]
 
 
 def part_of(
     path: Path, name: str, found: dict[str, Value], part: Part, read: Callable[[str, Value], np.ndarray]
 ) -> np.ndarray:
-    """The numbers of a part that must be there. Where it is there under several names they must agree."""
+    """The numbers of a required part. If it occurs under several names, they must agree."""
     keys = keys_of(found, part)
     if not keys:
         raise camera_fault(

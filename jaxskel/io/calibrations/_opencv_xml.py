@@ -1,4 +1,4 @@
-"""The XML that OpenCV's FileStorage writes."""
+"""Reads the XML that OpenCV's FileStorage writes."""
 
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -11,7 +11,7 @@ ROOT = "opencv_storage"
 
 
 def read_opencv_xml(path: Path) -> dict[str, Value]:
-    """What the file holds by name: matrices, lists and single values. What has names in it itself is left out."""
+    """The content by name: matrices, lists and single values. Nested elements are left out."""
     root = read_xml(path)
     if root.tag != ROOT:
         raise fault(path, None, f"is no XML of OpenCV, which begins with <{ROOT}>; export it again")
@@ -28,7 +28,7 @@ def _value(path: Path, element: Element) -> Value:
     if element.get("type_id") in ("opencv-matrix", "opencv-nd-matrix"):
         return _matrix(path, element)
     text = (element.text or "").strip()
-    # A text with blanks stands in quotes, and so does each word of several.
+    # A text with blanks is quoted, and so is each of several words.
     if text[:1] in ('"', "'") and text.count(text[0]) == 2 or len(text.split(maxsplit=1)) < 2:
         return scalar(text)
     return words_of(path, element.tag, text)

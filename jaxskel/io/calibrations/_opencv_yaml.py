@@ -1,6 +1,6 @@
-"""The YAML that OpenCV's FileStorage writes, and nothing more of YAML.
+"""Reads and writes the subset of YAML that OpenCV's FileStorage writes.
 
-OpenCV's own reader ends the process on hostile text, and YAML's general readers do not take its matrices.
+OpenCV's own reader aborts the process on hostile text, and general YAML readers reject its matrices.
 """
 
 import re
@@ -14,7 +14,7 @@ from ..files import fault
 from ._text import read_text, to_number
 
 _TAG = re.compile(r"^!!\S+\s*")
-# A calibration holds few numbers a camera; this is that of its board's corners in a thousand images.
+# Largest number of values: a calibration has few for each camera; this allows the board corners of a thousand images.
 _MOST_NUMBERS = 1_000_000
 
 
@@ -31,7 +31,7 @@ Value = Matrix | list[float | str] | float | str
 
 
 def read_opencv_yaml(path: Path) -> dict[str, Value]:
-    """What the file holds by name: matrices, lists and single values."""
+    """The content by name: matrices, lists and single values."""
     found = {}
     for key, lines in yaml_blocks(path).items():
         found[key] = _value(path, key, lines)
@@ -39,9 +39,9 @@ def read_opencv_yaml(path: Path) -> dict[str, Value]:
 
 
 def checked_matrix(path: Path, key: str, rows: int, columns: int, data_type: str, data: list[float | str]) -> Matrix:
-    """A matrix whose numbers are as many as it claims.
+    """A matrix, after checking that it has as many numbers as it claims.
 
-    ``data_type`` is OpenCV's, such as ``d``, or ``2f`` where each element is a pair: then a row holds all of them.
+    ``data_type`` is OpenCV's, such as ``d``, or ``2f`` if each element is a pair; a row then holds all its numbers.
     """
     channels = re.match(r"\d{1,2}", data_type)
     columns *= int(channels[0]) if channels else 1
@@ -51,7 +51,7 @@ def checked_matrix(path: Path, key: str, rows: int, columns: int, data_type: str
 
 
 def words_of(path: Path, key: str, text: str, pattern: str = r"\S+") -> list[float | str]:
-    """The numbers of a text that may hold millions of words."""
+    """The numbers of a text that may have millions of words."""
     words = [found[0] for found in islice(re.finditer(pattern, text), _MOST_NUMBERS + 1)]
     if len(words) > _MOST_NUMBERS:
         raise fault(path, key, f"holds more than {_MOST_NUMBERS} numbers, too many for a calibration")
@@ -59,7 +59,7 @@ def words_of(path: Path, key: str, text: str, pattern: str = r"\S+") -> list[flo
 
 
 def scalar(text: str) -> float | str:
-    """A number, or text without its quotes; quoted digits stay text: they name a camera."""
+    """A number, or text without its quotes; quoted digits stay text, since they name a camera."""
     if len(text) > 1 and text[0] == text[-1] and text[0] in "\"'":
         return text[1:-1]
     lower = text.lower()
@@ -67,7 +67,7 @@ def scalar(text: str) -> float | str:
 
 
 def yaml_matrix(key: str, matrix: np.ndarray) -> list[str]:
-    """The lines of a matrix as OpenCV writes them, every number so that it is read back the same."""
+    """The lines of a matrix as OpenCV writes them, with enough digits to read back the same numbers."""
     rows, columns = matrix.shape
     data = ", ".join(repr(float(x)) for x in matrix.reshape(-1))
     return [
@@ -80,13 +80,13 @@ def yaml_matrix(key: str, matrix: np.ndarray) -> list[str]:
 
 
 def yaml_blocks(path: Path) -> dict[str, list[str]]:
-    """The lines of each name of the file: what follows it in its line, then the lines that are set in."""
+    """For each name of the file, the rest of its line and the indented lines below."""
     blocks: dict[str, list[str]] = {}
     lines: list[str] | None = None
     for line in read_text(path).splitlines():
         if not line.strip() or line.lstrip().startswith("#") or line.startswith(("%", "---", "...")):
             continue
-        # The items of a list may stand below their name without being set in.
+        # List items below their name need not be indented.
         if line[0] in " \t-" or line.strip() in ("]", "}"):
             if lines is None:
                 raise fault(path, None, "begins with a line that is set in; give YAML as OpenCV writes it")
@@ -109,7 +109,7 @@ def _value(path: Path, key: str, lines: list[str]) -> Value:
     if lines and lines[0].startswith("["):
         return _items(path, key, " ".join(lines))
     if lines and lines[0].startswith("- "):
-        # Names of cameras, which may be digits without quotes: nothing is taken for a number.
+        # Camera names, which may be unquoted digits: do not convert them to numbers.
         return [line.removeprefix("-").strip().strip("\"'") for line in lines]
     return scalar(" ".join(lines))
 
@@ -127,7 +127,7 @@ def _matrix(path: Path, key: str, lines: list[str]) -> Matrix:
 
 
 def _items(path: Path, key: str, text: str) -> list[float | str]:
-    # Lists of lists, which OpenCV does not write, are taken as one list; their lengths are checked by the caller.
+    # Nested lists, which OpenCV does not write, are flattened; the caller checks the length.
     if not text.endswith("]"):
         raise fault(path, key, "is cut off: a list without its end; export it again")
     return words_of(path, key, text, r"[^,\s\[\]]+")

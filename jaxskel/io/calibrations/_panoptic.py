@@ -10,7 +10,7 @@ _CENTIMETRE = 0.01
 
 
 def is_panoptic(table: Any) -> bool:
-    """Whether JSON lists cameras under the names that the Panoptic Studio has for their lens and their size."""
+    """Whether JSON lists cameras with the Panoptic Studio's keys for lens and image size."""
     cameras = table.get("cameras") if isinstance(table, dict) else None
     if not isinstance(cameras, list):
         return False

@@ -1,4 +1,4 @@
-"""Plain projection matrices, 3 x 4 each: `.npy`, `.npz`, rows of numbers in a `.txt` file, or JSON."""
+"""Plain 3 x 4 projection matrices: `.npy`, `.npz`, rows of numbers in a `.txt` file, or JSON."""
 
 from pathlib import Path
 from typing import Any
@@ -10,17 +10,17 @@ from ._archives import read_array, small_arrays
 from ._calibration import CameraEntry, Contents, camera_fault
 from ._text import natural_order, numbers, read_text, split_numbers
 
-# A matrix whose left block squeezes space more than this is no camera: focal lengths are 10 to 1e5 px.
+# Largest condition number of the left 3 x 3 block of a camera: focal lengths are 10 to 1e5 px.
 _MOST_SQUEEZED = 1e8
-# A thousand cameras take a quarter of this (bytes).
+# Largest text (bytes): a thousand cameras take a quarter of this.
 _MAX_BYTES = 1_000_000
-# Numbers below this are no matrix that a program wrote; dividing by them would overflow.
+# Matrices of smaller numbers than this are refused: dividing by them would overflow.
 _FAINTEST = 1e-9
 _KEYS = ("P", "projection", "projection_matrix", "proj", "proj_mat")
 
 
 def read_projection_text(path: Path) -> Contents:
-    """Three rows of four numbers a camera; a first line ``CONTOUR``, as multi-view stereo has it, is skipped."""
+    """Read three rows of four numbers for each camera; skip a first line ``CONTOUR`` as in multi-view stereo."""
     words = read_text(path, _MAX_BYTES).split()
     found = split_numbers(path, "of all rows", "the file", " ".join(words[words[:1] == ["CONTOUR"] :]))
     if len(found) == 0 or len(found) % 12:
@@ -29,12 +29,12 @@ def read_projection_text(path: Path) -> Contents:
 
 
 def read_projection_array(path: Path) -> Contents:
-    """An array of shape (cams, 3, 4), or (3, 4), in an `.npy` file."""
+    """Read an array of shape (cams, 3, 4) or (3, 4) from an `.npy` file."""
     return _contents(path, _stack(path, read_array(path)))
 
 
 def read_projection_archive(path: Path) -> Contents:
-    """An `.npz` archive: one array of shape (cams, 3, 4), or an array of shape (3, 4) for each camera by its name."""
+    """Read an `.npz` archive: one array of shape (cams, 3, 4), or one of shape (3, 4) for each camera, by its name."""
     arrays = small_arrays(path)
     if len(arrays) == 1 and next(iter(arrays.values())).ndim == 3:
         return _contents(path, _stack(path, next(iter(arrays.values()))))
@@ -45,7 +45,7 @@ def read_projection_archive(path: Path) -> Contents:
 
 
 def matrices_in(table: Any) -> dict[str, Any]:
-    """What stands for a matrix of each camera in JSON: three lists of four, alone or under a key; or nothing."""
+    """The matrix of each camera in JSON: three lists of four, alone or under a key; empty if there is none."""
     if not isinstance(table, dict):
         return {}
     found = {}
@@ -61,7 +61,7 @@ def matrices_in(table: Any) -> dict[str, Any]:
 
 
 def read_projection_table(path: Path, matrices: dict[str, Any]) -> Contents:
-    """A matrix for each camera by its name, in JSON."""
+    """Read one matrix for each camera in JSON, by its name."""
     names = sorted(matrices, key=natural_order)
     return _contents(path, {name: numbers(path, name, "P", matrices[name], 12).reshape(3, 4) for name in names})
 
@@ -73,12 +73,12 @@ def _stack(path: Path, array: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _contents(path: Path, matrices: dict[str, np.ndarray]) -> Contents:
-    """No unit is stated: metres are taken."""
+    """The cameras of these matrices; the unit is not stated, and metres are assumed."""
     return Contents("projection matrices", [_entry(path, name, P) for name, P in matrices.items()], 1.0, None)
 
 
 def _entry(path: Path, name: str, P: np.ndarray) -> CameraEntry:
-    """Intrinsics and pose: P is K (R | t) times any number but zero."""
+    """Intrinsics and pose: P equals K (R | t) up to a nonzero factor."""
     left = P[:, :3]
     strengths = np.linalg.svd(left, compute_uv=False)
     if not strengths[-1] * _MOST_SQUEEZED > strengths[0] > _FAINTEST:
@@ -88,7 +88,7 @@ def _entry(path: Path, name: str, P: np.ndarray) -> CameraEntry:
     P = P / strengths[0]
     P = P * np.sign(np.linalg.det(P[:, :3]))
     K, R = scipy.linalg.rq(P[:, :3])
-    # Signs are free in pairs: focal lengths are positive.
+    # Signs may be flipped in pairs: make the focal lengths positive.
     signs = np.sign(np.diag(K))
     K, R = K * signs, signs[:, None] * R
     t = scipy.linalg.solve_triangular(K, P[:, 3])

@@ -1,4 +1,4 @@
-"""Qualisys Track Manager's calibration, a `.qca.txt` file, which is XML, or what its real-time protocol sends."""
+"""Qualisys Track Manager's calibration: a `.qca.txt` file (XML), or the parameters sent by its real-time protocol."""
 
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -11,17 +11,17 @@ from ._qualisys_elements import PARTS, calibrated_cameras, in_pixels, intrinsics
 from ._qualisys_resolution import recorded
 
 PROTOCOL = "QTM_Parameters"
-"""How the name of the root begins of what the real-time protocol sends."""
-# A camera looks along its -z, with y up; OpenCV's looks along +z, with y down.
+"""Beginning of the root element's name in what the real-time protocol sends."""
+# The camera looks along -z with y up; OpenCV's looks along +z with y down.
 _FROM_QUALISYS = np.diag([1.0, -1.0, -1.0])
 
 
 def read_qualisys(path: Path) -> Contents:
-    """Read the active cameras, named by their serial numbers; only the video cameras where some are marked as such.
+    """Read the active cameras, named by their serial numbers; only the video cameras if some are marked as such.
 
     Lengths are millimetres, the world has Z up. Image coordinates are those of the recorded part of the sensor
-    (``fov_video``), as recorded: ``viewrotation`` only says how an image is shown. The lens coefficients are
-    OpenCV's and have no unit. (Pose2Sim divides them by 64 too when it converts such a file, as of version 0.10.)
+    (``fov_video``), as recorded: ``viewrotation`` only affects display. The lens coefficients are OpenCV's and have no
+    unit. (Pose2Sim, as of version 0.10, divides them by 64 too when it converts such a file.)
     """
     cameras = calibrated_cameras(path)
     if any(in_pixels(camera) for camera in cameras):
@@ -31,7 +31,7 @@ def read_qualisys(path: Path) -> Contents:
 
 
 def _is_video(camera: Element) -> bool:
-    # Files that were edited or converted have "none". A hybrid camera that films has a resolution of its films.
+    # Edited or converted files have "none". A hybrid camera that films has a video resolution.
     model = camera.get("model", "none").lower()
     if "hybrid" in model:
         return camera.get("video_resolution", "").strip().upper() != "N/A"

@@ -1,4 +1,4 @@
-"""Elements of Qualisys' calibrations, in which Theia3D writes its own too."""
+"""XML elements of Qualisys' calibrations, which Theia3D uses too."""
 
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -11,11 +11,11 @@ from ._text import natural_order
 from ._xml import attribute, read_xml
 
 PARTS = 64.0
-"""Qualisys counts image coordinates in this many parts of a pixel."""
+"""Units of image coordinates in a pixel, in Qualisys' files."""
 _MILLIMETRE = 0.001
-# Counted in pixels a sensor has fewer of them than this, in parts of a pixel it has more.
+# Largest sensor width in pixels; in 64ths of a pixel every sensor exceeds it.
 _WIDEST = 16384
-# A file says how large a field of view is: counted alike, the sensor is 1 times that, otherwise 64 times.
+# The sensor size is 1 times the field of view if both have the same unit, otherwise 64 times; this separates the cases.
 _ALIKE = 8.0
 
 
@@ -38,26 +38,26 @@ def calibrated_cameras(path: Path) -> list[Element]:
 
 
 def in_pixels(camera: Element) -> bool:
-    """Whether a camera's sensor is counted in pixels, as Theia3D does, and not in their 64ths."""
+    """Whether a camera's sensor is measured in pixels, as in Theia3D, rather than in 64ths of a pixel."""
     try:
         sensor = float(camera.find("intrinsic").get("sensorMaxU", "nan"))  # pyright: ignore[reportOptionalMemberAccess]
         extents = [
             float(fov.get("right", "nan")) - float(fov.get("left", "nan")) + 1
             for fov in (camera.find(tag) for tag in ("fov_video_max", "fov_marker_max", "fov_video")) if fov is not None
         ]  # fmt: skip
-    except (AttributeError, ValueError):  # told by who reads the camera
+    except (AttributeError, ValueError):  # reported by the reader of the camera
         return False
     largest = max(extents, default=0.0)
     return 1 / _ALIKE < sensor / largest < _ALIKE if largest > 0 else 0 < sensor < _WIDEST
 
 
 def sorted_contents(name: str, entries: list[CameraEntry], up: str | None) -> Contents:
-    """The cameras in the order of their names, cam_2 before cam_10."""
+    """The cameras sorted by name, cam_2 before cam_10."""
     return Contents(name, sorted(entries, key=lambda e: natural_order(e.name)), _MILLIMETRE, up)
 
 
 def part(path: Path, camera: Element, tag: str) -> dict[str, str]:
-    """The attributes of an element that a camera must have."""
+    """The attributes of a required element of a camera."""
     element = camera.find(tag)
     if element is None:
         raise camera_fault(path, name_of(camera), f"{tag} is missing; calibrate the camera, or take it out")
@@ -65,7 +65,7 @@ def part(path: Path, camera: Element, tag: str) -> dict[str, str]:
 
 
 def number(path: Path, camera: Element, tag: str, key: str) -> float:
-    """A number of an element that a camera must have."""
+    """A numeric attribute of a required element of a camera."""
     return float(attribute(path, name_of(camera), part(path, camera, tag), key)[0])
 
 
@@ -75,7 +75,7 @@ def name_of(camera: Element) -> str:
 
 
 def intrinsics(path: Path, camera: Element, parts: float) -> tuple[np.ndarray, np.ndarray]:
-    """K, in pixels of which ``parts`` are counted, and OpenCV's coefficients of the lens."""
+    """K (px) from coordinates in units of 1/``parts`` pixel, and OpenCV's lens coefficients."""
 
     def lens(key: str) -> float:
         return number(path, camera, "intrinsic", key)
@@ -95,7 +95,7 @@ def intrinsics(path: Path, camera: Element, parts: float) -> tuple[np.ndarray, n
 
 
 def transform(path: Path, camera: Element) -> tuple[np.ndarray, np.ndarray]:
-    """The 3 x 3 matrix of a camera's transform by rows, and its vector."""
+    """The 3 x 3 matrix of a camera's transform, by rows, and its vector (file's unit)."""
     turn = [[number(path, camera, "transform", f"r{row}{column}") for column in (1, 2, 3)] for row in (1, 2, 3)]
     return np.array(turn), np.array([number(path, camera, "transform", axis) for axis in "xyz"])
 

@@ -1,4 +1,4 @@
-"""Which part of a Qualisys sensor was filmed, and at how many of its pixels."""
+"""Determines which part of a Qualisys sensor was filmed, and with how much binning."""
 
 import re
 from pathlib import Path
@@ -9,18 +9,18 @@ import numpy as np
 from ._calibration import camera_fault
 from ._qualisys_elements import PARTS, name_of, number
 
-# By their rows, those of a sensor in whole: Miqus Video has 1088, Miqus Video Plus 1440.
+# Rows of the video resolutions that show the whole sensor: Miqus Video has 1088, Miqus Video Plus 1440.
 _RESOLUTIONS = (540, 720, 1080, 1440, 2160)
-# Sides are whole pixels, so that a binned image may lack one.
+# Relative tolerance: sides are whole pixels, so a binned image may lack one.
 _WHOLE = 0.02
 
 
 def recorded(path: Path, camera: Element, K: np.ndarray) -> tuple[np.ndarray, tuple[float, float]]:
-    """The intrinsics of the recorded images, and their width and height, from the sensor's.
+    """The intrinsics (px) of the recorded images, and their width and height (px), from those of the sensor.
 
     ``fov_video`` is the recorded part. At a lower ``video_resolution`` that shows the whole sensor, pixels are binned,
-    twice two at 540p of 1080p, and the file still has the sensor's numbers (so does Pose2Sim read it). Where the field
-    of view itself is given in binned pixels, the sensor's size (``sensorMaxU``) tells.
+    two by two at 540p of 1080p, and the file keeps the sensor's numbers (Pose2Sim reads it so too). If the field of
+    view itself is in binned pixels, the sensor's size (``sensorMaxU``) reveals it.
     """
     name = name_of(camera)
 
@@ -39,13 +39,13 @@ def recorded(path: Path, camera: Element, K: np.ndarray) -> tuple[np.ndarray, tu
     if bins > 1 and (first == 0).all() and np.abs(ratio / bins - 1).max() < _WHOLE:
         return _binned(K, bins, begin), (float(extent[0]), float(extent[1]))
     bins = _bins(path, name, camera, min(sensor), min(whole))
-    # What was cut off was cut off the sensor.
+    # The crop is in sensor pixels.
     K, (width, height) = _binned(K, 1, begin), np.floor(extent / bins)
     return _binned(K, bins, np.zeros(2)), (float(width), float(height))
 
 
 def _sensor(path: Path, camera: Element) -> np.ndarray | None:
-    """Width and height of the sensor (px); the last part of its last pixel is given, or that pixel's first."""
+    """Width and height of the sensor (px); files give either the end or the start of its last pixel."""
     lens = camera.find("intrinsic")
     if lens is None or "sensorMaxU" not in lens.attrib or "sensorMaxV" not in lens.attrib:
         return None
@@ -54,7 +54,7 @@ def _sensor(path: Path, camera: Element) -> np.ndarray | None:
 
 
 def _bins(path: Path, name: str, camera: Element, rows: float, most: float) -> int:
-    """How many pixels of the sensor, along each side, make one of the images."""
+    """Binning factor: sensor pixels along each side of an image pixel."""
     text = camera.get("video_resolution", "").strip().lower()
     if text in ("", "n/a", "none"):
         return 1
@@ -62,7 +62,7 @@ def _bins(path: Path, name: str, camera: Element, rows: float, most: float) -> i
         raise camera_fault(path, name, f"video_resolution {text[:40]!r} is none, such as 1080p; export it again")
     wanted = int(text[:-1])
     full = min(_RESOLUTIONS, key=lambda resolution: abs(resolution - rows))
-    # No image is larger than its sensor, and one of which rows were left out is smaller.
+    # No image is larger than its sensor, and one with fewer rows than the sensor may be cropped rather than binned.
     if wanted >= full or most <= wanted:
         return 1
     if full % wanted:
@@ -74,7 +74,7 @@ def _bins(path: Path, name: str, camera: Element, rows: float, most: float) -> i
 
 
 def _binned(K: np.ndarray, bins: int, begin: np.ndarray) -> np.ndarray:
-    """Intrinsics where the middle of a pixel is the mean of the middles of those that make it, from ``begin`` on."""
+    """Intrinsics after binning from ``begin`` on; a pixel's centre is the mean of those that form it."""
     K = K.copy()
     K[:2, 2] = (K[:2, 2] + 0.5) / bins - 0.5 - begin
     K[:2, :2] /= bins

@@ -1,4 +1,4 @@
-"""Which reader takes a path."""
+"""Reads a calibration in any supported format: chooses the reader for a path."""
 
 import os
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ from ._projections import read_projection_archive, read_projection_array
 from ._sequence import read_sequence_calibration
 from ._toml import read_toml
 
-# Tools that write two files which belong together; one of them names both.
+# Pairs of files that belong together; either may be given.
 _PAIRS = {
     "EasyMocap": (_easymocap.PAIR, _easymocap.read_easymocap),
     "COLMAP": (_colmap.PAIR, _colmap.read_colmap),
@@ -35,24 +35,24 @@ _KNOWN = (
 def read_calibration(
     path: str | Path, *, unit: float | None = None, sizes: Mapping[str, tuple[int, int]] | None = None
 ) -> Calibration:
-    """Read the calibration of a rig from a file or a folder of another tool's.
+    """Read the calibration of a rig from a file or a folder of another tool.
 
-    TOML of Pose2Sim, Anipose, FreeMoCap and Caliscope; OpenCV's YAML, XML and JSON, a file or a folder with one a
-    camera; EasyMocap's `intri.yml` and `extri.yml`; Kalibr's `camchain.yaml`; Qualisys `.qca.txt` and what its
-    real-time protocol sends; Theia3D; Vicon `.xcp`; Motive `.mcal`; Metashape's XML; Skeletool; BioCV; TotalCapture;
-    Middlebury; COLMAP's `cameras.txt` and `images.txt`; JSON of CMU Panoptic, VoxelPose (Campus, Shelf), multical,
-    calib.io, Open3D, AIST++, MVHumanNet (`camera_intrinsics.json` and `camera_extrinsics.json`), nerfstudio and
-    instant-ngp, or written by hand (K, R and t, a camera an object or a file); projection matrices 3 x 4 in `.npy`,
-    `.npz`, `.txt` or JSON; and the calibration of a sequence file. A pickle is never read. Cameras that a file has
-    without a pose are left out.
+    Formats: TOML of Pose2Sim, Anipose, FreeMoCap and Caliscope; OpenCV's YAML, XML and JSON, a file or a folder with
+    one for each camera; EasyMocap's `intri.yml` and `extri.yml`; Kalibr's `camchain.yaml`; Qualisys `.qca.txt` and the
+    parameters of its real-time protocol; Theia3D; Vicon `.xcp`; Motive `.mcal`; Metashape's XML; Skeletool; BioCV;
+    TotalCapture; Middlebury; COLMAP's `cameras.txt` and `images.txt`; JSON of CMU Panoptic, VoxelPose (Campus, Shelf),
+    multical, calib.io, Open3D, AIST++, MVHumanNet (`camera_intrinsics.json` and `camera_extrinsics.json`), nerfstudio
+    and instant-ngp, or written by hand (K, R and t, one object or file for each camera); 3 x 4 projection matrices in
+    `.npy`, `.npz`, `.txt` or JSON; and the calibration of a sequence file. Pickles are never read. Cameras without a
+    pose are left out.
 
     Args:
         path: The file, or the folder of files that belong together (or one of a pair).
-        unit: Metres per unit of the file. By default that of the format: millimetres for Qualisys, Theia3D, Vicon,
-            Skeletool, BioCV and VoxelPose, centimetres for Panoptic and AIST++, metres elsewhere; COLMAP, Middlebury,
-            MVHumanNet, nerfstudio and a Metashape chunk without reference have no scale, so it must be given there.
-        sizes: Width and height of each camera's images (px) by its name, for formats without them. Where the file
-            has them too they must be the same.
+        unit: Metres per unit of the file. The default is that of the format: millimetres for Qualisys, Theia3D, Vicon,
+            Skeletool, BioCV and VoxelPose, centimetres for Panoptic and AIST++, metres elsewhere. COLMAP, Middlebury,
+            MVHumanNet, nerfstudio and a Metashape chunk without reference have no scale and need it.
+        sizes: Width and height of each camera's images (px) by its name, for formats without them. If the file has
+            them too, they must be equal.
 
     Raises:
         ValueError: One line that names the file, the camera and how to mend it.
@@ -62,7 +62,7 @@ def read_calibration(
 
 
 def contents_of(path: Path) -> Contents:
-    """What a file or a folder holds; its reader is chosen by name where that settles it, otherwise by content."""
+    """Unvalidated content of a file or folder; the reader is chosen by name, or else by content."""
     name, suffix = path.name.lower(), path.suffix.lower()
     if suffix in _PICKLES:
         raise fault(path, None, "is a pickle, which can run any program and is never read; save numpy.savez instead")
@@ -93,7 +93,7 @@ def _known(path: Path, contents: Contents | None) -> Contents:
 
 
 def beside(name: str) -> list[str]:
-    """Of a pair of files that belong together, the other one, as a path like the one that is given."""
+    """The other file of a pair, as a path like the given one; empty if the file has no partner."""
     folder, _, last = name.rpartition("/")
     pair = next((pair for pair, _ in _PAIRS.values() if last.lower() in pair), ())
     return [f"{folder}/{other}" if folder else other for other in pair if other != last]

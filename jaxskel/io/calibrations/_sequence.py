@@ -1,4 +1,4 @@
-"""The calibration's part of a sequence file, an `.npz` archive: the project's own format."""
+"""The calibration in a sequence file, the project's own format: an `.npz` archive."""
 
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from ._calibration import CameraEntry, Contents
 
 
 def read_sequence_calibration(path: Path) -> Contents:
-    """Read ``K``, ``R``, ``t`` (m), and if they are there ``size``, ``dist``, ``fisheye``, ``camera_names``, ``up``."""
+    """Read ``K``, ``R``, ``t`` (m), and optionally ``size``, ``dist``, ``fisheye``, ``camera_names``, ``up``."""
     arrays = checked_arrays(path, ("K", "R", "t"), ("size", "dist", "fisheye", "camera_names", "up"))
     K = numbers(path, arrays, "K", (None, 3, 3))
     n = len(K)
@@ -33,7 +33,7 @@ def read_sequence_calibration(path: Path) -> Contents:
         if size.shape not in ((2,), (n, 2)):
             raise fault(path, "size", f"has shape {size.shape}; give (width, height) or one pair for each camera")
         sizes = [(float(width), float(height)) for width, height in np.broadcast_to(size, (n, 2))]
-    # A rig of both kinds of lens has as many coefficients of each, with zeros behind the four of a fisheye.
+    # A rig with both kinds of lens has equally many coefficients of each, zero-padded behind the four of a fisheye.
     if dist.shape[1] > FISHEYE_COEFFICIENTS and not dist[wide, FISHEYE_COEFFICIENTS:].any():
         lenses = [row[:FISHEYE_COEFFICIENTS] if fish else row for row, fish in zip(dist, wide, strict=True)]
     else:
@@ -45,12 +45,12 @@ def read_sequence_calibration(path: Path) -> Contents:
 
 
 def write_calibration(path: str | Path, cameras: Cameras, up: str | None = None) -> None:
-    """Write a calibration under the keys that a sequence file has for it.
+    """Write a calibration under the keys of a sequence file.
 
     Args:
         path: File to write, `.npz`.
-        cameras: The rig.
-        up: World axis that points up, such as "+Z", if it is known.
+        cameras: The rig (world to camera, m).
+        up: World axis that points up, such as "+Z", if known.
     """
     arrays: dict[str, Any] = {key: np.asarray(getattr(cameras, key)) for key in ("K", "R", "t", "size", "dist")}
     arrays["camera_names"] = np.array(cameras.names)
@@ -63,7 +63,7 @@ def write_calibration(path: str | Path, cameras: Cameras, up: str | None = None)
 
 
 def up_axis(path: Path, arrays: dict[str, np.ndarray]) -> str:
-    """Check `up`, "+Z" where it is missing."""
+    """Check `up`; the default is "+Z"."""
     up = texts(path, arrays, "up") if "up" in arrays else ["+Z"]
     if len(up) != 1 or up[0] not in UP_AXES:
         raise fault(path, "up", f"give one of {', '.join(UP_AXES)}, not {short(arrays['up'])}")

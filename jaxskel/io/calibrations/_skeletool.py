@@ -1,4 +1,4 @@
-"""Skeletool's calibration, as MPI-INF-3DHP and DynaCap have it: text with a block of named lines a camera."""
+"""Skeletool's calibration, used by MPI-INF-3DHP and DynaCap: text with a block of named lines for each camera."""
 
 from pathlib import Path
 
@@ -10,15 +10,15 @@ from ._text import read_text, split_numbers
 
 HEADER = "Skeletool Camera Calibration File"
 _MILLIMETRE = 0.001
-# A lens that is drawn by a polynomial of the angle, about which nothing is published.
+# Keys of a fisheye lens, a polynomial of the angle whose definition is not published.
 _FISHEYE = ("polynomial", "polynomialC2W", "polynomialW2C", "affine", "imageCircleRadius")
-_MAX_BYTES = 2_000_000  # a camera takes 0.5 kB
+_MAX_BYTES = 2_000_000  # bytes; a camera takes 0.5 kB
 
 
 def read_skeletool(path: Path) -> Contents:
     """Read the cameras of a file of version 1.0: 4 x 4 matrices by rows, from world to camera in millimetres.
 
-    The camera looks along its +z with y down. The format does not say which axis of the world points up.
+    The camera looks along +z with y down. The format does not state the up axis.
     """
     first, *lines = read_text(path, _MAX_BYTES).splitlines() or [""]
     if first.split() != [*HEADER.split(), "V1.0"]:

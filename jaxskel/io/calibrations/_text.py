@@ -1,4 +1,4 @@
-"""Text out of a file that may come from anywhere, and numbers out of that text."""
+"""Reads untrusted text, and numbers in it."""
 
 import re
 import reprlib
@@ -11,16 +11,16 @@ import numpy as np
 from ..files import fault, read_bounded
 from ._calibration import camera_fault
 
-# The largest calibrations (hundreds of cameras, or COLMAP's with its image points) are a tenth of this.
+# Largest file (bytes): the largest calibrations (hundreds of cameras, or COLMAP's image points) take a tenth of this.
 _MAX_BYTES = 16_000_000
 # No length, focal length (px) or lens coefficient comes near this; refusing it keeps later squares finite.
 _MAX_NUMBER = 1e9
-# Files hold about six digits.
+# Largest difference of a matrix from a rotation: files hold about six digits.
 _SAME_ROTATION = 1e-3
 
 
 def read_text(path: Path, most: int = _MAX_BYTES, encoding: str = "utf-8-sig", otherwise: str | None = None) -> str:
-    """The text of a file of bearable size; `otherwise` is said of one that is no text."""
+    """The text of a file of limited size; `otherwise` is the message for a file that is no text."""
     try:
         return read_bounded(path, most, "a calibration").decode(encoding)
     except UnicodeDecodeError:
@@ -45,18 +45,18 @@ def numbers(path: Path, camera: str, key: str, value: Any, *counts: int) -> np.n
 
 
 def _short(item: Any) -> str:
-    # Python refuses to write out numbers of thousands of digits.
+    # Python refuses to print integers of thousands of digits.
     return f"a number of {item.bit_length()} bits" if isinstance(item, int) else reprlib.repr(item)
 
 
 def split_numbers(path: Path, camera: str, key: str, text: str, *counts: int) -> np.ndarray:
-    """The numbers of a text, with blanks between them."""
+    """The numbers of a text, separated by blanks."""
     words = text.split()
     return numbers(path, camera, key, [to_number(word) for word in words], *counts)
 
 
 def to_number(word: str) -> float | str:
-    """A number, or the word itself where it is none."""
+    """A number, or the word itself if it is none."""
     try:
         return float(word)
     except ValueError:
@@ -71,14 +71,14 @@ def rotation(path: Path, camera: str, key: str, value: Any) -> np.ndarray:
 
 def from_vector(path: Path, camera: str, key: str, vector: np.ndarray) -> np.ndarray:
     """The matrix of a rotation vector."""
-    # Half a turn is enough for any rotation and bundle adjustment may drift a little beyond; degrees go far beyond.
+    # Any rotation needs at most half a turn, and bundle adjustment may drift slightly beyond; degrees go far beyond.
     if np.linalg.norm(vector) > 2 * np.pi:
         raise camera_fault(path, camera, f"{key} is not a rotation vector in radians: {vector.tolist()}")
     return cv2.Rodrigues(vector)[0]
 
 
 def nearest_rotation(path: Path, camera: str, key: str, matrix: np.ndarray) -> np.ndarray:
-    """The rotation next to a matrix that is one but for the digits it was written with."""
+    """The rotation nearest to a matrix that is one up to rounding."""
     u, stretches, v = np.linalg.svd(matrix)
     if np.abs(stretches - 1).max() > _SAME_ROTATION or np.linalg.det(matrix) < 0:
         raise camera_fault(path, camera, f"{key} is not a rotation: it stretches by {stretches.round(4).tolist()}")
@@ -104,7 +104,7 @@ def to_vector(R: np.ndarray) -> np.ndarray:
 
 
 def natural_order(name: str) -> list[tuple[int, int, str]]:
-    """Sort key by which cam_2 comes before cam_10."""
-    # Digits beyond the nineteenth do not name cameras, and Python refuses to read thousands of them.
+    """Sort key that puts cam_2 before cam_10."""
+    # Limit the digits of a number, since Python refuses to convert thousands of them.
     return [(0, int(part), part) if part.isdecimal() and len(part) < 20 else (1, 0, part) for part in
             re.split(r"(\d+)", name) if part]  # fmt: skip

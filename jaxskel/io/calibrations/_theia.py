@@ -1,4 +1,4 @@
-"""Theia3D's calibration, which has Qualisys' elements but counts in pixels and from the world to the camera."""
+"""Theia3D's calibration: Qualisys' elements, but in pixels and with poses from world to camera."""
 
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -10,8 +10,8 @@ from ._qualisys_elements import calibrated_cameras, in_pixels, intrinsics, name_
 def is_theia(path: Path) -> bool:
     """Whether all cameras of a file with Qualisys' elements have their sensors in pixels.
 
-    Nothing names the program. Qualisys counts 64 parts in a pixel: read the other way, the middle of the image would
-    lie in the first few pixels, or a sensor have tens of thousands of them.
+    The file does not name the program. Qualisys uses 64ths of a pixel: with the wrong unit, the image centre would lie
+    in the first few pixels, or the sensor would have tens of thousands of them.
     """
     return all(in_pixels(camera) for camera in calibrated_cameras(path))
 
@@ -19,7 +19,7 @@ def is_theia(path: Path) -> bool:
 def read_theia(path: Path) -> Contents:
     """Read the active cameras, named by their serial numbers, in millimetres.
 
-    ``transform`` takes the world to a camera that looks along +z with y down: its vector is no place in the room.
+    ``transform`` maps the world to a camera that looks along +z with y down: its vector is not the optical centre.
     """
     return sorted_contents("Theia3D", [_entry(path, camera) for camera in calibrated_cameras(path)], None)
 

@@ -1,4 +1,4 @@
-"""TOML of Pose2Sim, Anipose, FreeMoCap and Caliscope: one table a camera."""
+"""TOML of Pose2Sim, Anipose, FreeMoCap and Caliscope: one table for each camera."""
 
 import json
 from pathlib import Path
@@ -13,25 +13,25 @@ from ._calibration import CameraEntry, Contents, camera_fault
 from ._text import natural_order, numbers, read_text, rotation, to_vector
 
 _KEYS = ("size", "matrix", "distortions", "rotation", "translation")
-# What Caliscope writes where it has nothing.
+# Caliscope's placeholder for a missing value.
 _NULL = "null"
-# FreeMoCap's words, old and new, for a world whose floor is the board's or the feet's.
+# FreeMoCap's keys, old and new, for a world whose floor is aligned with the board or the feet.
 _LEVEL = ("groundplane_calibration", "groundplane_applied", "groundplane_aligned", "aligned")
 _MILLIMETRE = 0.001
-# A camera takes 1 kB.
+# Largest file (bytes): a camera takes 1 kB.
 _MAX_BYTES = 2_000_000
 
 
 def read_toml(path: Path) -> Contents:
     """Read the tables that hold a camera.
 
-    Pose2Sim writes metres and a world with Z up; it alone gives four distortions, or names its file ``Calib...``.
-    FreeMoCap writes down how long a square of its board is, in the unit of the file: more than one is millimetres. Its
-    second version always has millimetres, and says ``aligned`` where Z is up. Anipose and Caliscope do not state a
-    unit: metres are taken. Cameras come in the order of their tables' names, cam_2 before cam_10, and those that
-    Caliscope ignores are left out, as are cameras that were not posed: without rotation and translation, or with
-    Caliscope's "null" for them. Its ``rotation_count`` says how an image is shown; the calibration is that of the
-    image as recorded.
+    Pose2Sim writes metres and a world with Z up; it is recognised by four distortion coefficients, or a file name
+    ``Calib...``. FreeMoCap states the length of a board square in the unit of the file: more than one means
+    millimetres. Its second version always uses millimetres, and says ``aligned`` if Z is up. Anipose and Caliscope do
+    not state a unit; metres are assumed. Cameras are sorted by the names of their tables, cam_2 before cam_10. Those
+    that Caliscope ignores are left out, as are cameras without a pose: without rotation and translation, or with
+    Caliscope's "null" for them. Its ``rotation_count`` only affects display; the calibration is that of the image as
+    recorded.
     """
     table = parse_toml(path, read_text(path, _MAX_BYTES), "export the calibration again")
     nested = table.get("cameras")
@@ -56,7 +56,7 @@ def read_toml(path: Path) -> Contents:
 def _kind(
     path: Path, table: dict[str, Any], is_caliscope: bool, entries: list[CameraEntry]
 ) -> tuple[str, float, str | None]:
-    """Whose file it is, its unit, and what is up."""
+    """The program that wrote the file, its unit (m), and its up axis."""
     metadata = table.get("metadata")
     metadata = metadata if isinstance(metadata, dict) else {}
     if is_caliscope:
@@ -68,7 +68,7 @@ def _kind(
         return "FreeMoCap TOML", _MILLIMETRE if square > 1 else 1.0, up
     if isinstance(board, dict) and "square_length_mm" in board:
         return "FreeMoCap TOML", _MILLIMETRE, up
-    # Of a fisheye lens all tools give four.
+    # All programs write four coefficients for a fisheye lens.
     counts = [len(entry.dist) for entry in entries if not entry.fisheye]
     if path.name.startswith("Calib") or (counts and all(count == 4 for count in counts)):
         return "Pose2Sim TOML", 1.0, "+Z"
@@ -76,18 +76,18 @@ def _kind(
 
 
 def write_pose2sim_calibration(path: str | Path, cameras: Cameras) -> None:
-    """Write a calibration as Pose2Sim reads it, which Anipose's and Caliscope's readers take too.
+    """Write a calibration as Pose2Sim reads it; the readers of Anipose and Caliscope accept it too.
 
     Args:
         path: File to write; Pose2Sim looks for ``Calib*.toml``.
-        cameras: The rig, in a world with Z up, as Pose2Sim takes it to be ([`Cameras.rotated`][] turns a world).
+        cameras: The rig (m), in a world with Z up, as Pose2Sim expects ([`Cameras.rotated`][] rotates a world).
     """
     lines = [TOML_LINE]
     for i, name in enumerate(cameras.names):
         dist = np.asarray(cameras.dist[i])
-        # As few as hold the lens: Pose2Sim writes four, and OpenCV takes five or eight in their place.
+        # As few coefficients as possible: Pose2Sim writes four, and OpenCV also accepts five or eight.
         count = 8 if dist[5:].any() else 5 if dist[4] else 4  # and a fisheye lens has four
-        # TOML takes a JSON string, but for the one control character that JSON leaves as it is.
+        # A JSON string is valid TOML, except for the one control character that JSON does not escape.
         quoted = json.dumps(name, ensure_ascii=True).replace("\x7f", "\\u007f")
         lines += [
             f"[{quoted}]",
@@ -116,7 +116,7 @@ def _entry(path: Path, name: str, table: dict[str, Any]) -> CameraEntry:
     fisheye = table.get("fisheye", False)
     if not isinstance(fisheye, bool):
         raise camera_fault(path, name, f"fisheye is {str(fisheye)[:40]!r}; give true or false")
-    table = {"size": table.get("image_size"), **table}  # FreeMoCap has had both names
+    table = {"size": table.get("image_size"), **table}  # FreeMoCap has used both names
     for missing in _KEYS:
         if table.get(missing) in (None, _NULL):
             raise camera_fault(path, name, f"{missing} is missing; calibrate the camera, or take its table out")

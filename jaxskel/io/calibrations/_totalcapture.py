@@ -8,17 +8,17 @@ from ..files import fault
 from ._calibration import CameraEntry, Contents, camera_fault
 from ._text import read_text, split_numbers
 
-_LINES = 7  # a camera: bounds, intrinsics, lens, three rows of R, t
+_LINES = 7  # for each camera: bounds, intrinsics, lens, three rows of R, t
 _MOST_CAMERAS = 1000
-# Of the radial polynomial, which OpenCV has as k1, k2 and, after the tangential two, k3.
+# Coefficients of the radial polynomial: OpenCV's k1, k2 and, after the two tangential ones, k3.
 _MOST_COEFFICIENTS = 3
 _MAX_BYTES = 1_000_000
 
 
 def read_totalcapture(path: Path) -> Contents:
-    """Read the cameras, named cam1, cam2, ... as the dataset's videos are.
+    """Read the cameras, named cam1, cam2, ... like the dataset's videos.
 
-    The first line holds the number of cameras and that of radial coefficients. Of each camera follow the first and last
+    The first line holds the numbers of cameras and of radial coefficients. For each camera follow the first and last
     row and column of its image; fx, fy, cx and cy (px); the coefficients; R and t from world to camera, in metres.
     """
     lines = _lines(read_text(path, _MAX_BYTES)) or [""]
@@ -35,7 +35,7 @@ def read_totalcapture(path: Path) -> Contents:
 
 
 def is_totalcapture(text: str) -> bool:
-    """Whether the lines of a text have as many words as a file of TotalCapture."""
+    """Whether the lines of a text have the same numbers of words as a file of TotalCapture."""
     counts = [len(line.split()) for line in _lines(text[:_MAX_BYTES])[: 1 + _LINES]]
     return counts[:3] == [2, 4, 4] and counts[4:] == [3, 3, 3, 3]
 

@@ -11,19 +11,19 @@ from ._text import from_quaternion, numbers, split_numbers, to_number
 from ._xml import attribute, read_xml
 
 _MILLIMETRE = 0.001
-# px: how far the centre of the distortion may lie from the principal point, where OpenCV has it.
+# px: largest distance of the distortion centre from the principal point, which coincide in OpenCV.
 _SAME_POINT = 0.1
-# px: how well OpenCV's lens model must meet Vicon's, well below what a silhouette's edge is known to.
+# px: largest error of OpenCV's lens model fitted to Vicon's, well below the accuracy of a silhouette's edge.
 _CLOSE = 0.05
 _SAMPLES = 400
 
 
 def read_vicon(path: Path) -> Contents:
-    """Read the cameras, named by their ``DEVICEID``; only the video cameras where some are marked as such.
+    """Read the cameras, named by their ``DEVICEID``; only the video cameras if some are marked as such.
 
-    Lengths are millimetres, the world has Z up; ``ORIENTATION`` is the rotation from world to camera and
-    ``POSITION`` the optical centre. Vicon's lens takes a seen pixel to where a pinhole would see it, a polynomial
-    of the distance in pixels; OpenCV's lens goes the other way and is fitted to it over the image.
+    Lengths are millimetres, the world has Z up; ``ORIENTATION`` is the rotation from world to camera and ``POSITION``
+    the optical centre. Vicon's lens model maps distorted to undistorted pixels by a polynomial of the radius in pixels;
+    OpenCV's model is the inverse map and is fitted to it over the image.
     """
     root = read_xml(path)
     cameras = root.findall("Camera")
@@ -58,7 +58,7 @@ def _entry(path: Path, camera: Element) -> CameraEntry:
         raise camera_fault(
             path, name, "has a distorted lens and pixels that are not square; undistort its images first"
         )
-    # At least one pixel, whatever the file says of its sensor: that is checked with all formats'.
+    # At least one pixel, even if the sensor size is invalid: the validation of all formats reports that.
     corner = max(1.0, np.hypot(*(np.maximum(np.abs(middle), np.abs(np.array([width, height]) - middle)))))
     return CameraEntry(
         name=name,
@@ -71,7 +71,7 @@ def _entry(path: Path, camera: Element) -> CameraEntry:
 
 
 def _radial(path: Path, name: str, given: dict[str, str], middle: np.ndarray) -> np.ndarray:
-    """Coefficients of the square, fourth and sixth power of the distance in pixels; older files lack the last."""
+    """Coefficients of the second, fourth and sixth power of the radius in pixels; older files lack the last."""
     if "VICON_RADIAL2" in given:
         model, *words = given["VICON_RADIAL2"].split() or [""]
         if model != "Vicon3Parameter":
@@ -87,10 +87,10 @@ def _radial(path: Path, name: str, given: dict[str, str], middle: np.ndarray) ->
 
 
 def _opencv_lens(path: Path, name: str, radial: np.ndarray, focal: float, corner: float) -> np.ndarray:
-    """OpenCV's k1, ..., k6 for a lens that takes seen pixels to those of a pinhole.
+    """OpenCV's k1, ..., k6 for a lens model that maps distorted to undistorted pixels.
 
-    Where a pinhole sees a ray at the tangent r, it is seen at ``r (1 + k1 r^2 + ...) / (1 + k4 r^2 + ...)``: linear in
-    the coefficients once it is multiplied out. Distances are counted in those of the farthest corner meanwhile.
+    OpenCV maps an undistorted radius r to ``r (1 + k1 r^2 + ...) / (1 + k4 r^2 + ...)``, which is linear in the
+    coefficients after multiplying out. Radii are normalised by that of the farthest corner for the fit.
     """
     if not radial.any():
         return np.zeros(8)
@@ -101,7 +101,7 @@ def _opencv_lens(path: Path, name: str, radial: np.ndarray, focal: float, corner
         raise camera_fault(path, name, "its lens folds the image; calibrate the camera again")
     powers = ((ideal / scale) ** 2)[:, None] ** np.arange(1, 4)
     ratio = seen / ideal
-    # Weighted by the distance, so that what is least is an error in pixels.
+    # Weight by the radius, to minimise an error in pixels.
     system = np.concatenate([powers, -ratio[:, None] * powers], axis=1) * ideal[:, None]
     k = np.linalg.lstsq(system, (ratio - 1) * ideal, rcond=None)[0]
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,4 +1,4 @@
-"""Calibrations of the Campus and Shelf data sets, JSON as VoxelPose and MMPose have it."""
+"""Calibrations of the Campus and Shelf data sets, in the JSON of VoxelPose and MMPose."""
 
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,7 @@ def is_voxelpose(table: Any) -> bool:
 def read_voxelpose(path: Path, table: dict[str, Any]) -> Contents:
     """Read all cameras, named by their numbers: millimetres, a world with Z up, no image sizes.
 
-    ``T`` is the optical centre and no translation: ``x_cam = R (x - T)``, as `project_point_radial` there has it.
+    ``T`` is the optical centre, not a translation: ``x_cam = R (x - T)``, as in VoxelPose's `project_point_radial`.
     ``k`` holds OpenCV's k1, k2, k3, and ``p`` its p1, p2.
     """
     return Contents(

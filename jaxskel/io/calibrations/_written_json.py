@@ -1,4 +1,4 @@
-"""Cameras in JSON as people write it by hand: one object a camera, with a matrix K, a rotation and a translation."""
+"""Cameras in hand-written JSON: one object for each camera, with a matrix K, a rotation and a translation."""
 
 from pathlib import Path
 from typing import Any
@@ -23,10 +23,10 @@ _SIZES = ("size", "image_size", "img_size", "imageSize", "resolution")
 
 
 def cameras_in(path: Path, table: Any) -> dict[str, dict[str, Any]]:
-    """The cameras of a file by their names, none where it holds no matrix K.
+    """The cameras of a file by name; empty if it holds no matrix K.
 
-    An object of cameras or a list of them, at the top or under ``cameras``, beside which a lens may stand that all of
-    them have; or a single one, which has the name of its file.
+    An object of cameras or a list of them, at the top level or under ``cameras``, possibly beside a lens that all of
+    them share; or a single camera, named after its file.
     """
     shared = {}
     group = table
@@ -53,10 +53,10 @@ def cameras_in(path: Path, table: Any) -> dict[str, dict[str, Any]]:
 
 
 def read_written(path: Path, table: Any, cameras: dict[str, dict[str, Any]]) -> Contents:
-    """Read cameras whose keys leave no doubt, in a unit that ``unit`` may state; metres are taken where it does not.
+    """Read cameras with unambiguous keys; ``unit`` may state their unit, and metres are the default.
 
-    See `read_lens` and `read_pose` for the keys. Of two meanings that a key may have, the common one is taken and the
-    rest of the file asked whether it agrees; where a key has no common one it is refused.
+    See `read_lens` and `read_pose` for the keys. If a key has two meanings, the common one is used and checked against
+    the rest of the file; a key without a common meaning is refused.
     """
     unposed, entries = [], []
     for name, camera in cameras.items():
@@ -81,7 +81,7 @@ def read_written(path: Path, table: Any, cameras: dict[str, dict[str, Any]]) -> 
 
 
 def _flat(camera: dict[str, Any]) -> dict[str, Any]:
-    """A camera whose parts, such as its intrinsics, may be objects of their own; keys of the camera itself win."""
+    """A camera with nested objects, such as its intrinsics, merged into it; keys of the camera itself win."""
     flat = {}
     for part in _PARTS:
         inner = camera.get(part)

@@ -1,4 +1,4 @@
-"""XML that may come from anywhere."""
+"""Reads untrusted XML."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,17 +10,17 @@ from ..files import fault
 from ._calibration import camera_fault
 from ._text import read_text, split_numbers
 
-# A camera takes 3 kB; elements take a hundred times as much memory as text.
+# Largest file (bytes): a camera takes 3 kB; elements take a hundred times the memory of their text.
 _MAX_BYTES = 2_000_000
 
 
 def read_xml(path: Path) -> ElementTree.Element:
-    """The root of a file without a document type: entities could fill the memory or name other files."""
+    """The root of a file without a document type, whose entities could fill the memory or name other files."""
     return parse_xml(path, read_text(path, _MAX_BYTES))
 
 
 def parse_xml(path: Path, text: str) -> ElementTree.Element:
-    """The root of a file whose text has been read."""
+    """The root of XML text."""
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise fault(path, None, "has a DOCTYPE, which no calibration needs; take it out")
     try:
@@ -30,7 +30,7 @@ def parse_xml(path: Path, text: str) -> ElementTree.Element:
 
 
 def attribute(path: Path, camera: str, attributes: Mapping[str, str], key: str, count: int = 1) -> np.ndarray:
-    """The numbers of an attribute, with blanks between them."""
+    """The numbers of an attribute, separated by blanks."""
     if key not in attributes:
         raise camera_fault(path, camera, f"{key} is missing; calibrate the camera, or take it out")
     return split_numbers(path, camera, key, attributes[key], count)

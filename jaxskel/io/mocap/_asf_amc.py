@@ -1,8 +1,8 @@
-"""Read Acclaim motion capture: a skeleton file (ASF) and a motion file (AMC), as the CMU database has them.
+"""Reads Acclaim motion capture, as in the CMU database: a skeleton file (ASF) and a motion file (AMC).
 
-An entry of an ASF is a *bone*: its position here is that of its far end, and its near end is the position of
-its parent. A bone turns about its near end by ``C L C^-1`` with respect to its parent, where C comes from its
-``axis`` line and L from the angles of the AMC.
+An entry of an ASF is a *bone*. Its position here is that of its far end; its near end is the position of its parent.
+A bone rotates about its near end by ``C L C^-1`` relative to its parent, where C comes from its ``axis`` line and L
+from the angles of the AMC.
 """
 
 from dataclasses import dataclass, field
@@ -42,12 +42,12 @@ def read_asf_amc(asf: str | Path, amc: str | Path, fps: float = 120.0, scale: fl
     Args:
         asf: The skeleton file of the actor.
         amc: The motion file of the clip.
-        fps: Frames per second; AMC files do not hold it. Most of the CMU database has 120.
+        fps: Frames per second, which AMC files do not state. Most of the CMU database has 120.
         scale: Metres per unit of the files. By default the CMU convention: the numbers are inches times the
             ``:units length`` of the ASF.
 
     Returns:
-        Bone ends with the y axis up.
+        Bone ends (m) in the world of the file, with the y axis up.
 
     Raises:
         ValueError: One line that names the file and the line.
@@ -60,7 +60,7 @@ def parse_asf_amc(
     asf_text: str, amc_text: str, fps: float = 120.0, scale: float | None = None, asf_name: str = "ASF",
     amc_name: str = "AMC",
 ) -> Motion:  # fmt: skip
-    """Read one clip from the text of its two files, named for errors; see `read_asf_amc`."""
+    """Read one clip from the text of its two files; the names are for error messages. See `read_asf_amc`."""
     skeleton = _parse_asf(asf_text, asf_name)
     scale = _INCH / skeleton.length_unit if scale is None else scale
     check_scale(scale, fps)
@@ -92,7 +92,7 @@ def _place(skeleton: _Asf, frames: int, channels: dict[str, np.ndarray], scale: 
 
 
 def _ordered(order: str, angles: np.ndarray) -> np.ndarray:
-    """Turns about fixed axes, the first of `order` first; `angles` has a row for each of x, y, z (rad)."""
+    """Rotations about fixed axes, the first of `order` first; `angles` has a row for each of x, y, z (rad)."""
     first, second, third = (turn(axis, angles["xyz".index(axis)]) for axis in order)
     return third @ second @ first
 
@@ -193,7 +193,7 @@ def _linked(
     unit: float,
     degrees: bool,
 ) -> _Asf:
-    """Put the bones in the order of the hierarchy, where parents come before their children."""
+    """Sort the bones so that parents come before their children."""
     by_name = {bone.name: bone for bone in bones}
     if len(by_name) < len(bones):
         raise ValueError(f"{name}: two bones have the same name, or one is called root")

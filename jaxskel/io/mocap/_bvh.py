@@ -1,4 +1,4 @@
-"""Read Biovision motion capture (BVH): a hierarchy of joints and one row of channels for each frame."""
+"""Reads Biovision motion capture (BVH): a hierarchy of joints and one row of channels for each frame."""
 
 import re
 from dataclasses import dataclass, field
@@ -26,13 +26,13 @@ def read_bvh(path: str | Path, scale: float = 0.01, up: str = "+Y") -> Motion:
 
     Args:
         path: The file.
-        scale: Metres per unit of the file, which does not say it: 0.01 for the usual centimetres, ``0.0254 /
-            0.45`` for the conversions of the CMU database that keep its numbers.
-        up: World axis that points up in the file, which does not say it either.
+        scale: Metres per unit of the file, which does not state it: 0.01 for the usual centimetres, ``0.0254 / 0.45``
+            for conversions of the CMU database that keep its numbers.
+        up: World axis that points up in the file, which does not state it either.
 
     Returns:
-        Joint centres; an ``End Site`` is a joint named after its parent with ``_End`` added. Position
-        channels replace the offset of their joint.
+        Joint centres (m) in the world of the file. An ``End Site`` is a joint named after its parent with ``_End``
+        added. Position channels replace the offset of their joint.
 
     Raises:
         ValueError: One line that names the file and the line.
@@ -41,7 +41,7 @@ def read_bvh(path: str | Path, scale: float = 0.01, up: str = "+Y") -> Motion:
 
 
 def parse_bvh(text: str, scale: float = 0.01, up: str = "+Y", name: str = "BVH") -> Motion:
-    """Read one clip from the text of its file. The name is that to use in errors; see `read_bvh`."""
+    """Read one clip from the text of its file; the name is for error messages. See `read_bvh`."""
     check_scale(scale)
     if up not in UP_AXES:
         raise ValueError(f"up axis {up!r}: give one of {', '.join(UP_AXES)}")
@@ -68,7 +68,7 @@ def _place(joints: list[_Joint], rows: np.ndarray, scale: float, fps: float, up:
             if channel.endswith("position"):
                 moved[:, "xyz".index(channel[0])] = values
             else:
-                # Listed from the outermost turn to the innermost.
+                # Listed from the outermost rotation to the innermost.
                 local = local @ turn(channel[0], np.deg2rad(values))
         if joint.parent < 0:
             positions[:, j] = moved * scale
@@ -84,12 +84,12 @@ def _place(joints: list[_Joint], rows: np.ndarray, scale: float, fps: float, up:
 
 def _parse_hierarchy(lines: list[str], name: str) -> list[_Joint]:
     joints: list[_Joint] = []
-    # Joints whose braces are open, and the joint that the next brace opens.
+    # Joints with open braces, and the joint that the next brace opens.
     stack: list[int] = []
     announced: int | None = None
     for number, line in enumerate(lines, 1):
         where = f"{name}:{number}"
-        # A brace may stand behind a name or on its own line.
+        # A brace may follow a name or be on its own line.
         for words in (part.split() for part in re.split(r"([{}])", line)):
             if not words or words[0] == "HIERARCHY":
                 continue
@@ -141,7 +141,7 @@ def _channels(words: list[str], where: str) -> tuple[str, ...]:
 
 
 def _parse_motion(lines: list[str], first: int, joints: list[_Joint], name: str) -> tuple[float, np.ndarray]:
-    """Frames per second, and one row of channels a frame."""
+    """Frames per second, and one row of channels for each frame."""
     heads: dict[str, tuple[int, str]] = {}
     body: list[tuple[int, list[str]]] = []
     for number, line in enumerate(lines, first):

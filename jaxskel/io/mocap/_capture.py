@@ -1,4 +1,4 @@
-"""Captured motion as the motion-capture files hold it, and the checks that their readers share."""
+"""The type for motion capture clips, and the checks that their readers share."""
 
 import math
 from collections.abc import Sequence
@@ -10,8 +10,8 @@ from jaxtyping import Float
 
 from ..files import read_bounded
 
-# Guards against files that name more than they hold. The longest clips of the common databases have some 30
-# joints and 23 000 frames.
+# Limits against files that claim more than they hold. The longest clips of the common databases have some 30 joints and
+# 23 000 frames.
 _MOST_BYTES = 500_000_000
 _MOST_JOINTS = 1000
 _MOST_POSITIONS = 10_000_000
@@ -26,9 +26,9 @@ class Motion(eqx.Module):
     parents: tuple[int, ...] = eqx.field(static=True)
     """Index of each joint's parent, -1 for the root."""
     positions: Float[np.ndarray, "frames joints 3"]
-    """Joints in the world of the file (m)."""
+    """Joint positions in the world of the file (m)."""
     rest: Float[np.ndarray, "joints 3"]
-    """Joints with all angles zero, the root at the origin (m)."""
+    """Joint positions with all angles zero, the root at the origin (m)."""
     fps: float
     """Frames per second."""
     up: str
@@ -39,12 +39,12 @@ class Motion(eqx.Module):
 
 
 def read_text(path: Path) -> str:
-    """The text of a motion file. Latin-1, because old files hold names in it and it never fails."""
+    """The text of a motion file, as Latin-1: old files hold names in it, and decoding never fails."""
     return read_bounded(path, _MOST_BYTES, "a clip").decode("latin-1")
 
 
 def to_number(word: str, where: str) -> float:
-    """A finite number of a sensible size, or a ValueError that says where it is not."""
+    """A finite number of a sensible size; otherwise a ValueError that names the place."""
     try:
         value = float(word)
     except ValueError:
@@ -62,7 +62,7 @@ def to_vector(words: Sequence[str], where: str) -> Float[np.ndarray, "3"]:
 
 
 def check_size(frames: int, joints: int, where: str) -> None:
-    """Refuse clips without frames, and such as would fill the memory, before anything is allocated."""
+    """Refuse clips without frames, or so large that they would fill the memory, before anything is allocated."""
     if frames < 1 or joints < 1:
         raise ValueError(f"{where}: the file holds {frames} frames of {joints} joints: it is cut short or not a motion")
     if joints > _MOST_JOINTS or frames * joints > _MOST_POSITIONS:
@@ -81,7 +81,7 @@ def check_scale(scale: float, fps: float | None = None) -> None:
 
 
 def turn(axis: str, angle: Float[np.ndarray, " frames"]) -> Float[np.ndarray, "frames 3 3"]:
-    """Right-handed rotations about the axis ``x``, ``y`` or ``z`` (rad)."""
+    """Right-handed rotations about the axis ``x``, ``y`` or ``z`` by an angle (rad)."""
     i = "xyz".index(axis)
     j, k = (i + 1) % 3, (i + 2) % 3
     rotation = np.zeros((len(angle), 3, 3))

@@ -1,4 +1,4 @@
-"""Poses to BVH (Biovision), the text format of animation programs: a skeleton, and its rotations in each frame."""
+"""Writes poses as BVH (Biovision), the text format of animation programs: a skeleton and its rotations over time."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,43 +14,43 @@ from ._inverse_kinematics import fit_rig
 from ._markers import turn_up, with_up
 from ._rig import ENDS, RIG, Rig, placed
 
-# Of joints that are at the same place, the first: nothing that turns by itself comes before it.
+# If several joints share a point, take the first: no joint before it rotates by itself.
 BVH_NAMES = {point: name for name, _, point in reversed(RIG) if point in JOINT_NAMES}
 """Name in a BVH of each joint of poses. The tips are the end sites."""
 
 
 @dataclass(frozen=True)
 class Animation:
-    """What became of poses that were written as an animation."""
+    """How well a written animation reproduces the poses."""
 
     path: Path
     held: int
-    """Frames without a pose, in which the animation holds the pose before them."""
+    """Number of frames without a pose, in which the animation repeats another pose."""
     deviation: float
-    """Greatest distance of a joint or tip from where the poses have it (m); lengths that vary are the reason."""
+    """Largest distance between a joint or tip and its place in the poses (m), caused by bone lengths that vary."""
     farthest: str
-    """Joint or tip at which it is greatest."""
+    """Joint or tip with the largest distance."""
 
 
 def write_bvh(path: str | Path, poses: Poses, *, up: str = "+Y", scale: float = 0.01) -> Animation:
     """Write an animation for Blender and other animation programs.
 
-    Bones keep their lengths, the joints turn: elbows and knees as the limb bends, and as before where it is straight.
-    The bones that poses have from elbow to palm and from knee to ball of the foot are two here, with wrist and ankle
-    between them, whose distances are those of an average body. At rest the person stands in a T-pose and faces +Z where
-    +Y is up. Names are those that animation programs know: see `BVH_NAMES`.
+    Bones keep their lengths, the joints rotate: elbows and knees as the limb bends, and as before while it is straight.
+    The bones of poses from elbow to palm and from knee to ball of the foot are split in two here, with wrist and ankle
+    in between, at the proportions of an average body. At rest the person stands in a T-pose and faces +Z if +Y is up.
+    Joints have the usual names of animation programs: see `BVH_NAMES`.
 
-    The format has no gaps. A frame without a pose holds the one before it; those at the start have the first that there
-    is.
+    The format has no gaps. A frame without a pose repeats the previous pose; frames before the first pose show that
+    one.
 
     Args:
-        path: The file; its folder is made where it is missing.
+        path: The file; its folder is created if missing.
         poses: Frames at `poses.fps`.
-        up: World axis that shall point up in the file, which has no place to say it. Blender's importer takes +Y.
-        scale: Metres per unit of the file, which does not say it either: 0.01 for the usual centimetres.
+        up: World axis that points up in the file, which cannot state it. Blender's importer expects +Y.
+        scale: Metres per unit of the file, which cannot state it either: 0.01 for the usual centimetres.
 
     Returns:
-        How well the animation agrees with the poses, and how many frames hold another's.
+        How well the animation agrees with the poses, and the number of frames that repeat another pose.
 
     Raises:
         ValueError: There is no pose, `up` is not one of `jaxskel.recording.UP_AXES`, or `scale` is not a length.
@@ -64,7 +64,7 @@ def write_bvh(path: str | Path, poses: Poses, *, up: str = "+Y", scale: float = 
     turn, standing = turn_up("+Z", up), with_up(poses, "+Z")
     joints, tips = (points[known].astype(np.float64) for points in (standing.joints, standing.tips))
     rig = fit_rig(joints, tips)
-    # Counts the poses up to each frame; before the first there is none, and the first is taken.
+    # Number of poses up to each frame; frames before the first pose show the first one.
     shown = np.maximum(np.cumsum(known) - 1, 0)
     rows = _channels(rig, turn, scale)[shown]
     lines = [*_hierarchy(rig, turn, scale), "MOTION", f"Frames: {len(rows)}", f"Frame Time: {1 / poses.fps:.10f}"]

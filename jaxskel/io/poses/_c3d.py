@@ -1,4 +1,4 @@
-"""Poses to C3D, the binary format of motion capture laboratories, by the package ezc3d."""
+"""Writes poses as C3D, the binary format of motion capture laboratories, with the package ezc3d."""
 
 import tempfile
 from pathlib import Path
@@ -10,22 +10,22 @@ from ..._runtime.atomic_files import written_whole
 from ...poses import Poses
 from ._markers import Markers, to_markers, with_up
 
-# Frames are counted from 1 in 16 bits.
+# Largest frame number: frames are counted from 1 in 16 bits.
 _MOST_FRAMES = 2**16 - 1
 
 
 def write_c3d(path: str | Path, poses: Poses, *, up: str = "+Z") -> Path:
     """Write joints and tips as points (mm).
 
-    A frame without a pose has points with residual -1, which says that they were not seen. The format counts frames
-    from 1, without gaps: frame 0 of the material is frame 1 of the file, and `poses.frame_index` gives the first only
-    (or nothing, where the last would be beyond the 65535 that the format can say).
+    A frame without a pose has points with residual -1, which marks them as not seen. The format counts frames from 1,
+    without gaps: frame 0 of the material is frame 1 of the file, and `poses.frame_index` only sets the first number
+    (not even that, if the last one would exceed the format's limit of 65535).
 
     Args:
-        path: The file; its folder is made where it is missing.
+        path: The file; its folder is created if missing.
         poses: Frames at `poses.fps`.
-        up: World axis that shall point up in the file. It is stated as POINT:Y_SCREEN, the axis that points up on a
-            screen, and in the descriptions of the points.
+        up: World axis that points up in the file. It is stated as POINT:Y_SCREEN, the axis that points up on a screen,
+            and in the descriptions of the points.
 
     Returns:
         The path.
@@ -48,11 +48,11 @@ def write_c3d(path: str | Path, poses: Poses, *, up: str = "+Z") -> Path:
     file.add_parameter("POINT", "X_SCREEN", [_across(up)])
     file.add_parameter("POINT", "Y_SCREEN", [up])
     start = int(markers.frame_index[0])
-    # Counted from 0 here; ezc3d adds the 1.
+    # Counted from 0 here; ezc3d adds 1.
     file["header"]["points"]["first_frame"] = start if 0 <= start <= _MOST_FRAMES - len(markers) else 0
     file["data"]["points"] = _by_axis(markers)
     file["data"]["meta_points"]["residuals"] = np.where(seen, 0.0, -1.0).T[None]
-    # ezc3d opens its file by a name that must end in .c3d, so it cannot write one that is to appear as a whole.
+    # ezc3d only writes to a name that ends in .c3d, so write to a temporary folder first and copy atomically.
     with tempfile.TemporaryDirectory() as folder, written_whole(path) as whole:
         unfinished = Path(folder) / "poses.c3d"
         file.write(str(unfinished))
@@ -68,13 +68,13 @@ def _by_axis(markers: Markers) -> np.ndarray:
 
 
 def _across(up: str) -> str:
-    """A level axis to point to the right on a screen."""
+    """A horizontal axis that points to the right on a screen."""
     return "+Y" if up[1] == "X" else "+X"
 
 
 def _ezc3d() -> Any:
     try:
-        import ezc3d  # an extra, which takes a tenth of a second
+        import ezc3d  # an optional dependency, which takes a tenth of a second to import
     except ImportError as error:
         raise ImportError('C3D files are written by ezc3d, which is missing: pip install "jaxskel[export]"') from error
     return ezc3d

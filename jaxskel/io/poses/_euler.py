@@ -1,18 +1,18 @@
-"""Rotations as the three angles of a BVH joint, steady over time."""
+"""Converts rotations to the three angles of a BVH joint, continuous over time."""
 
 import numpy as np
 from jaxtyping import Float
 
 
 def to_zxy(rotations: Float[np.ndarray, "frames joints 3 3"]) -> Float[np.ndarray, "frames joints 3"]:
-    """Angles (rad) of turns about z, x and y, the first outermost, that go on from those of the frame before.
+    """Angles (rad) about z, x and y, the first outermost, that continue those of the previous frame.
 
-    The same rotation has many such angles: of them the nearest are taken, so that a program that interpolates between
-    frames does not turn the long way round. They go beyond half a turn where a joint does.
+    Many triples of angles give the same rotation; the nearest triple is used, so that interpolation between frames
+    never takes the long way round. Angles exceed half a turn if a joint rotates that far.
     """
     z = np.arctan2(-rotations[..., 0, 1], rotations[..., 1, 1])
     cosine, sine = np.cos(z), np.sin(z)
-    # Rid of the turn about z; so x and y are exact also where z is not told from y, at 90 degrees about x.
+    # Remove the rotation about z, so that x and y are exact even at 90 degrees about x, where z and y are ambiguous.
     first = cosine[..., None] * rotations[..., 0, :] + sine[..., None] * rotations[..., 1, :]
     second = cosine * rotations[..., 1, 1] - sine * rotations[..., 0, 1]
     x, y = np.arctan2(rotations[..., 2, 1], second), np.arctan2(first[..., 2], first[..., 0])

@@ -1,6 +1,6 @@
-"""From the points of poses to a skeleton for animation that stands where they are.
+"""Fits an animation skeleton to the joints and tips of poses.
 
-At rest it is in a T-pose, the palms down: x to the front, y to the left, z up.
+At rest it is in a T-pose, palms down: x to the front, y to the left, z up.
 """
 
 from dataclasses import dataclass
@@ -15,46 +15,46 @@ from ._rig import RIG, Rig
 from ._twist import hinge_across, hinged, swung
 
 _FRONT, _LEFT, _UP = np.eye(3)
-# The hips are in line with the pelvis where they are nearer to it than this (m), half the exactness of a file, or than
-# ten times the spread of that distance: then the triangle does not show how the pelvis is turned about that line.
+# The hips count as in line with the pelvis if they are nearer to that line than this (m), half the precision of a file,
+# or than ten times the spread of that distance: then their triangle does not show the rotation about the line.
 _IN_LINE, _SPREADS = 5e-5, 10.0
 
 
 @dataclass(frozen=True)
 class _Joint:
     offset: Float[np.ndarray, "3"]
-    """From its parent, at rest (m)."""
+    """Offset from the parent, at rest (m)."""
     points: Float[np.ndarray, "frames 3"]
-    """In the world (m)."""
+    """Position in the world (m)."""
     rotations: Float[np.ndarray, "frames 3 3"]
-    """From rest to the world."""
+    """Rotation from rest to the world."""
 
 
 @dataclass(frozen=True)
 class _Limb:
-    """Unit vectors of a limb at rest, and what is known of its lengths."""
+    """Unit vectors of a limb at rest, and the proportions of its bones."""
 
     bone: Float[np.ndarray, "3"]
-    """Along its two long bones."""
+    """Direction of its two long bones."""
     end: Float[np.ndarray, "3"]
-    """From wrist to palm, from ankle to ball of the foot."""
+    """Direction from wrist to palm, or from ankle to ball of the foot."""
     tip: Float[np.ndarray, "3"]
     hinge: Float[np.ndarray, "3"]
     one_way: bool
-    """Whether its hinge bends to one side only."""
+    """Whether its hinge only bends to one side."""
     shares: tuple[float, float]
-    """Lengths before and beyond wrist or ankle, as shares of the distance across it."""
+    """Lengths before and beyond wrist or ankle, as shares of the distance from elbow to palm, or knee to ball."""
 
 
 def fit_rig(joints: Float[np.ndarray, "frames joints=15 3"], tips: Float[np.ndarray, "frames tips=5 3"]) -> Rig:
-    """Constant offsets and true rotations that put the joints where those of poses are.
+    """Constant offsets and proper rotations that place the joints where the poses have them.
 
-    Exactly, where the bones have constant lengths; wrists and ankles take up what hands and feet turn. Lengths that
-    vary are replaced by their medians, and each bone then points to the end that it should reach.
+    The fit is exact if the bones have constant lengths; wrists and ankles absorb the rotation of hands and feet.
+    Varying lengths are replaced by their medians, and each bone then points to its target end.
 
     Args:
         joints: Joints in a world with z up (m), all finite.
-        tips: Limb tips (m).
+        tips: Limb tips in the same world (m).
     """
     at = {name: joints[:, i] for i, name in enumerate(JOINT_NAMES)}
     at |= {name: tips[:, i] for i, name in enumerate(TIP_NAMES)}
@@ -69,7 +69,7 @@ def fit_rig(joints: Float[np.ndarray, "frames joints=15 3"], tips: Float[np.ndar
     for side, letter, sign in (("Left", "l_", 1.0), ("Right", "r_", -1.0)):
         of = {name[2:]: points for name, points in at.items() if name.startswith(letter)}
         collar = of["shoulder"] - at["neck"]
-        # As it is held mostly, so that the rest pose has the shoulders of a person.
+        # Median direction, so that the rest pose has the shoulders of a person.
         held = unit(np.median(np.einsum("fji,fj->fi", chest, unit(collar)), axis=0))
         found[side + "Shoulder"] = _aimed(found["Spine"], to_neck, held, of["shoulder"])
         out = sign * _LEFT
@@ -94,7 +94,7 @@ def _below(parent: _Joint, offset: np.ndarray, rotations: np.ndarray) -> _Joint:
 
 
 def _aimed(parent: _Joint, offset: np.ndarray, rest: np.ndarray, goal: np.ndarray) -> _Joint:
-    """A joint that turns by the least angle from its parent so that what lies along `rest` points to a goal."""
+    """A joint rotated from its parent by the least angle that makes `rest` point to a goal."""
     placed = _end(parent, offset)
     return _Joint(offset, placed.points, swung(parent.rotations, rest, unit(goal - placed.points)))
 
@@ -110,28 +110,28 @@ def _limb(
     """The joints of a limb.
 
     Args:
-        parent: What it hangs on.
-        offset: From there to its first joint, at rest.
+        parent: Joint to which the limb is attached.
+        offset: Offset from there to the limb's first joint, at rest (m).
         limb: The limb at rest.
-        trunk: Rotations of the trunk where the limb begins; its twist is carried along with them.
-        begin: Where shoulder or hip should be.
-        middle: Where elbow or knee should be.
-        last: Where palm or ball of the foot should be.
-        tip: Where the tip should be.
+        trunk: Rotations of the trunk at the limb, which the limb's twist follows.
+        begin: Target position of shoulder or hip (world, m).
+        middle: Target position of elbow or knee.
+        last: Target position of palm or ball of the foot.
+        tip: Target position of the tip.
     """
     start = _end(parent, offset)
     upper = _length(middle - begin)
     lower, end = _two_lengths(last - middle, limb.shares)
     first = unit(middle - start.points)
     bent = start.points + upper * first
-    # Wrist or ankle is where its distances say, in the plane of hand or foot, on the side away from the tip.
+    # The distances determine wrist or ankle, in the plane of hand or foot, on the side away from the tip.
     way, toward = last - bent, unit(tip - last)
     line, distance = unit(way), np.maximum(np.linalg.norm(way, axis=-1), 1e-9)
     side = hinge_across(line, np.cross(toward, line), trunk, limb.bone, limb.hinge, one_way=False)
     along = np.minimum((distance**2 + lower**2 - end**2) / (2 * distance), lower)
     across = np.sqrt(np.maximum(lower**2 - along**2, 0.0))
     second = unit(along[:, None] * line - across[:, None] * np.cross(line, side))
-    # One hinge for both bones.
+    # Both bones share one hinge.
     hinges = hinge_across(first, np.cross(first, second), trunk, limb.bone, limb.hinge, limb.one_way)
     one = _below(parent, offset, hinged(limb.bone, limb.hinge, first, hinges))
     hinges = unit(hinges - second * (second * hinges).sum(-1, keepdims=True))
@@ -142,7 +142,7 @@ def _limb(
 
 
 def _two_lengths(bones: Float[np.ndarray, "frames 3"], shares: tuple[float, float]) -> tuple[float, float]:
-    """Lengths of two bones that span every distance that occurs between their far ends: an average body's, or near."""
+    """Lengths of two bones that can span all distances between their far ends, close to an average body's."""
     distances = np.linalg.norm(bones, axis=-1)
     shortest, longest = float(distances.min()), float(distances.max())
     middle = float(np.median(distances))
@@ -151,7 +151,7 @@ def _two_lengths(bones: Float[np.ndarray, "frames 3"], shares: tuple[float, floa
 
 
 def _pelvis(at: dict[str, np.ndarray]) -> tuple[Float[np.ndarray, "frames 3 3"], dict[str, np.ndarray]]:
-    """Rotations of the pelvis, and the hips in it at rest."""
+    """Rotations of the pelvis, and the hips in its frame at rest (m)."""
     to_hips = {letter: at[letter + "hip"] - at["pelvis"] for letter in ("l_", "r_")}
     across, middle = to_hips["l_"] - to_hips["r_"], (to_hips["l_"] + to_hips["r_"]) / 2
     left = unit(across)
@@ -161,7 +161,7 @@ def _pelvis(at: dict[str, np.ndarray]) -> tuple[Float[np.ndarray, "frames 3 3"],
     rotations = np.stack([front, left, np.cross(front, left)], -1)
     if height.min() > max(_IN_LINE, _SPREADS * float(height.std())):
         triangle = np.stack([unit(down), left, np.cross(unit(down), left)], -1)
-        # Turned to where the spine is upright mostly, so that the rest pose stands upright.
+        # Rotate so that the spine is upright in the median, and so in the rest pose.
         ahead = unit(np.median(np.einsum("fji,fj->fi", triangle, front), axis=0) * [1.0, 0.0, 1.0])
         rotations = triangle @ np.stack([ahead, _LEFT, np.cross(ahead, _LEFT)], -1)
     hips = {letter: np.median(np.einsum("fji,fj->fi", rotations, way), axis=0) for letter, way in to_hips.items()}
@@ -173,14 +173,14 @@ def _length(bones: Float[np.ndarray, "frames 3"]) -> float:
 
 
 def _average(near: str, far: str, pivot: int) -> tuple[tuple[float, float], Float[np.ndarray, "3"]]:
-    """Of an average adult: lengths before and beyond wrist or ankle by that across it; the direction beyond."""
+    """For an average adult: relative lengths before and beyond wrist or ankle, and the direction beyond."""
     skeleton = default_adult()
     ends = [np.asarray(skeleton.rest_joints)[JOINT_NAMES.index(name)] for name in (near, far)]
     middle = np.asarray(skeleton.pivots)[pivot]
     whole, before, beyond = (
         float(np.linalg.norm(bone)) for bone in (ends[1] - ends[0], middle - ends[0], ends[1] - middle)
     )
-    # The toes straight ahead.
+    # Toes point straight ahead.
     return (before / whole, beyond / whole), unit((ends[1] - middle) * [1.0, 0.0, 1.0])
 
 

@@ -1,4 +1,4 @@
-"""Points over time as marker files hold them: named trajectories, a rate, and an up axis."""
+"""Points over time, the content of marker files: named trajectories, a frame rate, and an up axis."""
 
 import equinox as eqx
 import numpy as np
@@ -14,7 +14,7 @@ class Markers(eqx.Module):
 
     names: tuple[str, ...] = eqx.field(static=True)
     positions: Float[np.ndarray, "frames markers 3"]
-    """In the world of the file (m); NaN where a marker was not seen."""
+    """Positions in the world of the file (m); NaN if a marker was not seen."""
     fps: float
     """Frames per second."""
     up: str
@@ -39,9 +39,9 @@ def to_markers(poses: Poses) -> Markers:
 
 
 def with_up(poses: Poses, up: str) -> Poses:
-    """The poses in a world turned so that the axis `up` points up: from +Z to +Y, (x, y, z) becomes (y, z, x).
+    """The poses in a world rotated so that the axis `up` points up: from +Z to +Y, (x, y, z) becomes (y, z, x).
 
-    Axes are exchanged cyclically, and two signs flipped where one of the two worlds has a negative axis: exact.
+    Axes are permuted cyclically, and two signs flipped if one of the two worlds has a negative axis, so this is exact.
 
     Raises:
         ValueError: `up` is not one of `jaxskel.recording.UP_AXES`.

@@ -1,4 +1,4 @@
-"""Poses on disk: `poses.npz` for programs, `poses.csv` for spreadsheets; and what to score them against."""
+"""Poses on disk: `poses.npz` for programs, `poses.csv` for spreadsheets; and the ground truth to score them against."""
 
 import csv
 import io
@@ -17,10 +17,10 @@ from ..recordings import check_names, frame_numbers, frame_rate, truth
 
 
 def write_poses(folder: str | Path, poses: Poses) -> tuple[Path, Path]:
-    """Write `poses.npz` and `poses.csv` into a folder, which is made where it is missing.
+    """Write `poses.npz` and `poses.csv` into a folder, which is created if missing.
 
-    Lengths are metres in the world of the recording. The table has a row for each frame; its cells are empty
-    where there is no pose, and its time counts from the first row.
+    Lengths are metres in the world of the recording. The table has a row for each frame, with empty cells if there is
+    no pose; its time starts at the first row.
 
     Returns:
         The two paths.
@@ -40,7 +40,7 @@ def write_poses(folder: str | Path, poses: Poses) -> tuple[Path, Path]:
 
 
 def write_table(path: str | Path, poses: Poses) -> Path:
-    """Write the `poses.csv` of [`write_poses`][] by itself, under any name; return its path."""
+    """Write the `poses.csv` of [`write_poses`][] alone, under any name; return its path."""
     path = Path(path)
     with written_whole(path) as file, io.TextIOWrapper(file, "utf-8", newline="") as text:
         rows = csv.writer(text, lineterminator="\n")
@@ -111,10 +111,10 @@ def read_poses(path: str | Path) -> Poses:
 
 
 def read_truth(path: str | Path) -> tuple[Truth, str, np.ndarray]:
-    """Read what poses can be scored against: the truth of a sequence file, or the poses of a `poses.npz`.
+    """Read what poses can be scored against: the ground truth of a sequence file, or the poses of a `poses.npz`.
 
     Returns:
-        The joints (m, NaN where unknown), the world's up axis, and the number of each frame.
+        The joints (world, m, NaN where unknown), the world's up axis, and the number of each frame.
 
     Raises:
         ValueError: One line that names the file, the key and how to mend it.

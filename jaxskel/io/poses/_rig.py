@@ -1,12 +1,12 @@
-"""A skeleton for animation: joints with constant offsets that turn. At rest x is to the front, y to the left, z up."""
+"""An animation skeleton: rotating joints with constant offsets. At rest x is to the front, y to the left, z up."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-# Each joint: its name, that of its parent, and the joint or tip of the poses that it is. The trunk turns apart from the
-# pelvis in which the hips are, and each collar bone by itself, so that these begin where their parents do.
+# Each joint: its name, its parent's name, and its joint or tip in the poses. The trunk rotates apart from the pelvis,
+# which holds the hips, and each collar bone by itself, so these joints coincide with their parents.
 _TRUNK = (
     ("Hips", "", "pelvis"), ("Spine", "Hips", "pelvis"), ("Neck", "Spine", "neck"), ("Head", "Neck", "head"),
     ("HeadTop", "Head", "head_top"),
@@ -32,18 +32,18 @@ ENDS = tuple(name for name, _, _ in RIG if name not in {parent for _, parent, _ 
 
 @dataclass(frozen=True)
 class Rig:
-    """Joints of `RIG` in the order there, and how they turn."""
+    """Offsets and rotations of the joints, in the order of `RIG`."""
 
     offsets: Float[np.ndarray, "joints 3"]
-    """From the parent, at rest (m)."""
+    """Offset from the parent, at rest (m)."""
     root: Float[np.ndarray, "frames 3"]
-    """The first joint in the world (m)."""
+    """Position of the first joint in the world (m)."""
     rotations: Float[np.ndarray, "frames joints 3 3"]
-    """From rest to the world; those of end points are those of their parents."""
+    """Rotation from rest to the world; end points have those of their parents."""
 
 
 def placed(rig: Rig) -> Float[np.ndarray, "frames joints 3"]:
-    """Joints in the world (m)."""
+    """Positions of the joints in the world (m)."""
     names = [name for name, _, _ in RIG]
     points = np.empty((*rig.rotations.shape[:2], 3))
     points[:, 0] = rig.root

@@ -1,7 +1,7 @@
-"""Poses to and marker trajectories from TRC (Track Row Column), the text format of OpenSim and Pose2Sim.
+"""Writes poses as, and reads marker trajectories from, TRC (Track Row Column), the text format of OpenSim and Pose2Sim.
 
-Five lines of header and labels, then a row a frame, cells parted by tabs. The format is Motion Analysis
-Corporation's; what is written follows the reader of OpenSim, which is the strictest.
+Five lines of header and labels, then one row for each frame, with cells separated by tabs. The format is Motion
+Analysis Corporation's; the writer satisfies OpenSim's reader, which is the strictest.
 """
 
 import math
@@ -20,24 +20,24 @@ _KEYS = (
     "OrigNumFrames",
 )  # fmt: skip
 _METRES = {"m": 1.0, "meters": 1.0, "metres": 1.0, "cm": 0.01, "mm": 0.001, "millimeters": 0.001, "millimetres": 0.001}
-# No recording is larger than this, and no marker farther away (m): refused before it is worked on.
+# Largest file (bytes) and coordinate (m), beyond any recording: others are refused before parsing.
 _MOST_BYTES, _FARTHEST = 2_000_000_000, 1e6
-# Rows may be cut short, so that few bytes claim many markers in many frames: an hour of 50 markers at 100 frames a
-# second is less.
+# Largest number of positions: rows may be cut short, so few bytes can claim many markers in many frames. An hour of 50
+# markers at 100 frames per second has fewer.
 _MOST_POSITIONS = 20_000_000
 
 
 def write_trc(path: str | Path, poses: Poses, *, up: str = "+Y", millimetres: bool = False) -> Path:
     """Write joints and tips as markers, for OpenSim or Pose2Sim.
 
-    A frame without a pose has empty cells, which OpenSim reads as missing. Times count from the first frame; frame
+    A frame without a pose has empty cells, which OpenSim reads as missing. Times start at the first frame; frame
     numbers are those of `poses.frame_index`. Positions are rounded to a micrometre.
 
     Args:
-        path: The file; its folder is made where it is missing.
+        path: The file; its folder is created if missing.
         poses: Frames at `poses.fps`.
-        up: World axis that shall point up in the file, which has no place to say it. OpenSim takes +Y.
-        millimetres: Whether to write millimetres instead of metres. The file says which.
+        up: World axis that points up in the file, which cannot state it. OpenSim expects +Y.
+        millimetres: Whether to write millimetres instead of metres. The file states which.
 
     Returns:
         The path.
@@ -52,7 +52,7 @@ def write_trc(path: str | Path, poses: Poses, *, up: str = "+Y", millimetres: bo
     values = (rate, rate, frames, str(len(markers.names)), "mm" if millimetres else "m", rate,
               str(markers.frame_index[0]), frames)  # fmt: skip
     lines = [
-        # A name with a line break or a tab would be taken for more of the header.
+        # A line break or tab in the name would corrupt the header.
         f"PathFileType\t4\t(X/Y/Z)\t{plain(' '.join(path.name.split()))}",
         "\t".join(_KEYS),
         "\t".join(values),
@@ -72,14 +72,14 @@ def write_trc(path: str | Path, poses: Poses, *, up: str = "+Y", millimetres: bo
 def read_trc(path: str | Path, *, up: str = "+Y") -> Markers:
     """Read marker trajectories.
 
-    The number of frames in the header is not relied on: programs that cut a recording leave it as it was.
+    The number of frames in the header is ignored: programs that cut a recording do not update it.
 
     Args:
-        path: The file, of metres, centimetres or millimetres as its `Units` say.
-        up: World axis that points up in the file, which does not say it. OpenSim takes +Y.
+        path: The file, in metres, centimetres or millimetres as its `Units` state.
+        up: World axis that points up in the file, which does not state it. OpenSim expects +Y.
 
     Returns:
-        The markers in metres; NaN where any of the three cells of a marker is empty or NaN.
+        The markers in metres; NaN if any of the three cells of a marker is empty or NaN.
 
     Raises:
         ValueError: One line that names the file and the line.
@@ -90,9 +90,9 @@ def read_trc(path: str | Path, *, up: str = "+Y") -> Markers:
 
 
 def parse_trc(text: str, *, up: str = "+Y", name: str = "TRC") -> Markers:
-    """Read marker trajectories from the text of a file. The name is that to use in errors; see `read_trc`."""
+    """Read marker trajectories from the text of a file; the name is for error messages. See `read_trc`."""
     name = " ".join(name.split())
-    # Not splitlines, which would break a line also at characters that may stand in a name.
+    # Not splitlines, which also breaks lines at characters that may occur in a name.
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     if lines[0].split()[:1] != ["PathFileType"]:
         raise ValueError(f"{name}:1: the line should begin with PathFileType; this is not a TRC file")
@@ -135,7 +135,7 @@ def parse_trc(text: str, *, up: str = "+Y", name: str = "TRC") -> Markers:
 
 
 def _row(cells: list[str], markers: int, where: str) -> tuple[int, list[float]]:
-    """Number and coordinates of a frame. Missing cells at the end are empty ones that the writer left out."""
+    """Number and coordinates of a frame. Missing cells at the end are empty ones that the writer omitted."""
     frame, wanted = cells[0].strip(), 2 + 3 * markers
     if not (frame.removeprefix("-").isdigit() and frame.isascii() and len(frame) < 18):
         raise ValueError(f"{where}: {frame[:20]!r} should be the number of a frame")

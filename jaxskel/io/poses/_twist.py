@@ -1,19 +1,19 @@
-"""How bones are turned about themselves: by the plane in which a limb bends, carried on where it is straight."""
+"""Twist of bones about their axes: from the plane in which a limb bends, carried on while the limb is straight."""
 
 import numpy as np
 from jaxtyping import Float
 
 from ..._math.rotations import aligning
 
-# Sine of the bend from which on a plane is trusted wholly. Joints are right to a centimetre or two, bones some 25 cm
-# long: below, the plane of a limb that is nearly straight is that of its errors.
+# Sine of the bend above which its plane is fully trusted. Joints err by a centimetre or two and bones are some 25 cm
+# long, so the plane of a nearly straight limb is dominated by errors.
 _SURE_BEND = 0.4
 
 
 def swung(
     parents: Float[np.ndarray, "frames 3 3"], rest: Float[np.ndarray, "3"], bones: Float[np.ndarray, "frames 3"]
 ) -> Float[np.ndarray, "frames 3 3"]:
-    """Rotations that follow those of the parent, and turn on by the least angle to bring `rest` into each bone.
+    """Rotations that follow those of the parent, plus the least rotation that aligns `rest` with each bone.
 
     Args:
         parents: Rotations of the parent from rest to the world.
@@ -21,7 +21,7 @@ def swung(
         bones: Unit vectors along the bone in the world.
     """
     turned = aligning(parents @ rest, bones) @ parents
-    # Once more, because vectors that are opposite to a milliradian are taken for opposite.
+    # Repeat, because vectors that are opposite within a milliradian are treated as exactly opposite.
     return aligning(turned @ rest, bones) @ turned
 
 
@@ -31,7 +31,7 @@ def hinged(
     bones: Float[np.ndarray, "frames 3"],
     hinges: Float[np.ndarray, "frames 3"],
 ) -> Float[np.ndarray, "frames 3 3"]:
-    """Rotations that bring a bone and the hinge across it from rest into those of each frame (unit vectors)."""
+    """Rotations that map a bone and its perpendicular hinge from rest to those of each frame (unit vectors)."""
     at_rest = np.stack([rest, hinge, np.cross(rest, hinge)], -1)
     return np.stack([bones, hinges, np.cross(bones, hinges)], -1) @ at_rest.T
 
@@ -44,18 +44,18 @@ def hinge_across(
     hinge: Float[np.ndarray, "3"],
     one_way: bool,
 ) -> Float[np.ndarray, "frames 3"]:
-    """Unit vectors across a bone about which its limb bends, steady from frame to frame.
+    """Unit vectors perpendicular to a bone, about which its limb bends, continuous over time.
 
-    The more a limb bends the more its plane is followed. What is left of the twist stays as it was in the frame before,
-    relative to the parent, while the bone swings by the least angles.
+    The more a limb bends, the more its plane determines the twist. The rest of the twist stays as in the previous
+    frame, relative to the parent, while the bone swings by the least angles.
 
     Args:
-        bones: Unit vectors along the bone.
-        bends: Across each bone, of the length of the sine of the bend: bone times the one that comes after it.
+        bones: Unit vectors along the bone (world).
+        bends: Cross product of each bone with the next one, whose length is the sine of the bend.
         parents: Rotations of the parent from rest to the world.
         rest: Unit vector along the bone at rest.
-        hinge: Unit vector across it about which the limb bends at rest.
-        one_way: Whether the limb bends to one side only, as a knee does: a bend to the other is an error.
+        hinge: Unit vector perpendicular to it, about which the limb bends at rest.
+        one_way: Whether the limb only bends to one side, as a knee does; a bend to the other side is an error.
     """
     turn_back = parents.swapaxes(-1, -2)
     along, bent = np.einsum("fij,fj->fi", turn_back, bones), np.einsum("fij,fj->fi", turn_back, bends)
@@ -64,13 +64,13 @@ def hinge_across(
         by_parent = aligning(np.broadcast_to(rest, along.shape), along) @ hinge
         size = np.maximum((bent * by_parent).sum(-1), 0.0)
     sure = np.minimum(size / _SURE_BEND, 1.0) ** 2
-    # Carried without any twist; the twist is then an angle from there.
+    # Hinges carried along without twist; the twist is then an angle relative to them.
     swings = aligning(np.concatenate([rest[None], along[:-1]]), along)
     carried = np.empty_like(along)
     last = hinge
     for frame, swing in enumerate(swings):
         last = swing @ last
-        # Across the bone again, lest rounding add up over a long recording.
+        # Project onto the plane across the bone again, since rounding would accumulate over a long recording.
         last = last - along[frame] * (along[frame] @ last)
         last = last / np.linalg.norm(last)
         carried[frame] = last

@@ -1,6 +1,6 @@
-"""The table `flesh` of a subject's file: a calibrated body, ball by ball, which nobody writes by hand.
+"""The table `flesh` of a subject file: a calibrated body as a list of balls, written by programs only.
 
-[flesh]               # to the front, to the left, up from where the ball's segment turns, and the radius (m)
+[flesh]               # offset from the rotation centre of the ball's segment (front, left, up) and radius (m)
 l_knee = [0.0, 0.0, 0.02, 0.055]
 """
 
@@ -13,12 +13,12 @@ import numpy as np
 from ...body import BALL_NAMES, Body, Skeleton, make_body
 from ..files import fault
 
-# Farther than this (m) from where its segment turns there is no flesh; no ball is thicker or thinner.
+# Largest offset of a ball from its segment's rotation centre (m), and the range of its radius (m).
 _FARTHEST, _RADII = 1.0, (0.003, 0.4)
 
 
 def flesh_lines(body: Body) -> list[str]:
-    """The table, to the micrometre."""
+    """The table in TOML, rounded to a micrometre."""
     lines = ["[flesh]"]
     for name, offset, radius in zip(BALL_NAMES, np.asarray(body.offsets), np.asarray(body.radii), strict=True):
         lines.append(f"{name} = [{', '.join(f'{value:.6f}' for value in (*offset, radius))}]")
@@ -26,7 +26,7 @@ def flesh_lines(body: Body) -> list[str]:
 
 
 def body_of(path: Path, skeleton: Skeleton, table: Any) -> Body:
-    """The average body around a skeleton with the balls of a table in place of its own.
+    """The average body around a skeleton, with the balls of a table instead of its own.
 
     Raises:
         ValueError: One line that names the file, the key and how to mend it.

@@ -1,4 +1,4 @@
-"""The subject's known dimensions on disk: a TOML file that a person writes by hand with a tape measure.
+"""Subject files: a person's known dimensions in TOML, written by hand with a tape measure.
 
 stature = 1.75        # standing height (m)
 
@@ -20,7 +20,7 @@ from ...body import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES, TIP_PARENTS, Body, Sk
 from ..files import TOML_LINE, check_known, fault, read_toml
 from ._flesh import body_of, flesh_lines
 
-# The point where each length ends: it begins at the point's parent. Two-sided ones lack their l_ or r_.
+# The point where each length ends; it begins at the point's parent. Two-sided names lack their l_ or r_.
 _MIDDLE = {"trunk": "neck", "neck": "head", "head_top": "head_top"}
 _SIDED = {
     "shoulder": "shoulder", "upper_arm": "elbow", "forearm": "hand", "fingertip": "fingertip",
@@ -29,20 +29,19 @@ _SIDED = {
 _POINTS = JOINT_NAMES + TIP_NAMES
 _PARENTS = JOINT_PARENTS + TIP_PARENTS
 
-_SHORTEST = 0.005  # m: below any length of a body
-_LONGEST = 1.5  # m: beyond any bone; the value is in centimetres or millimetres
-_STATURES = (0.4, 2.8)  # m
+_SHORTEST = 0.005  # m: shorter than any length of a body
+_LONGEST = 1.5  # m: longer than any bone, so the value is in centimetres or millimetres
+_STATURES = (0.4, 2.8)  # m: range of statures
 
 
 def read_subject(path: str | Path) -> Skeleton:
     """Read a subject's dimensions.
 
-    `stature` (m) sizes an average adult ([`default_adult`][]); the table `lengths` (m) replaces single
-    lengths: trunk (pelvis to neck), neck (to the middle of the head), shoulder (from the neck), upper_arm,
-    forearm (elbow to palm), hip (from the pelvis), thigh, shank (knee to ball of foot), head_top, fingertip
-    and toetip (each from its joint). Two-sided names may carry l_ or r_. Without a stature, the lengths that
-    are not given follow those that are, by the least squares scale of an average adult. Directions at rest
-    are those of the average adult.
+    `stature` (m) scales an average adult ([`default_adult`][]); the table `lengths` (m) replaces single lengths: trunk
+    (pelvis to neck), neck (to the middle of the head), shoulder (from the neck), upper_arm, forearm (elbow to palm),
+    hip (from the pelvis), thigh, shank (knee to ball of foot), head_top, fingertip and toetip (each from its joint).
+    Two-sided names may carry l_ or r_. Without a stature, a least-squares scale of the average adult to the given
+    lengths determines the others. Directions at rest are those of the average adult.
 
     Raises:
         ValueError: One line that names the file, the key and how to mend it.
@@ -52,7 +51,7 @@ def read_subject(path: str | Path) -> Skeleton:
 
 
 def read_body(path: str | Path) -> Body | None:
-    """Read a subject's body, as `jaxskel calibrate-body` writes it; None where the file has only lengths.
+    """Read a subject's body, as `jaxskel calibrate-body` writes it; None if the file has only lengths.
 
     Raises:
         ValueError: One line that names the file, the key and how to mend it.
@@ -85,12 +84,12 @@ def _skeleton(path: Path, table: dict[str, Any]) -> Skeleton:
 
 
 def write_subject(path: str | Path, skeleton: Skeleton, body: Body | None = None) -> None:
-    """Write the lengths of a skeleton to the micrometre; the directions of its bones at rest are not kept.
+    """Write the lengths of a skeleton (m), rounded to a micrometre; the directions of its bones at rest are lost.
 
     Args:
         path: File to write.
         skeleton: The subject's dimensions.
-        body: The subject's flesh, if it has been calibrated, to be kept too.
+        body: The subject's calibrated flesh, if any, to write as well.
     """
     lengths = {point: f"{length:.6f}" for point, length in _lengths(skeleton).items()}
     lines = [TOML_LINE, f"stature = {skeleton.stature:.6f}", "", "[lengths]"]
@@ -109,7 +108,7 @@ def _parse(path: Path) -> dict[str, Any]:
 
 
 def _dimensions(path: Path, table: dict[str, Any]) -> tuple[float | None, dict[str, float]]:
-    """Stature, and lengths by the point where they end."""
+    """Stature (m), and lengths (m) by the point where they end."""
     stature = None
     if "stature" in table:
         stature = _length(path, "stature", table["stature"], *_STATURES)
@@ -123,7 +122,7 @@ def _dimensions(path: Path, table: dict[str, Any]) -> tuple[float | None, dict[s
     lengths = {point: measured[key] for key, point in _MIDDLE.items() if key in measured}
     for side in ("l_", "r_"):
         for key, point in _SIDED.items():
-            # A length of one side goes before the length of both.
+            # A length for one side has priority over the length for both.
             if side + key in measured or key in measured:
                 lengths[side + point] = measured.get(side + key, measured.get(key, 0.0))
     if stature is None and not lengths:
@@ -144,6 +143,6 @@ def _length(path: Path, key: str, value: Any, least: float, most: float) -> floa
 
 
 def _lengths(skeleton: Skeleton) -> dict[str, float]:
-    """Length to each point but the pelvis from its parent (m)."""
+    """Length from its parent to each point except the pelvis (m)."""
     lengths = [*skeleton.bone_lengths, *skeleton.tip_lengths]
     return dict(zip(_POINTS[1:], map(float, lengths), strict=True))

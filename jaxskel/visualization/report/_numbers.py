@@ -1,4 +1,4 @@
-"""What the page animates and plots: points, confidence and status of every frame as small whole numbers."""
+"""The data that the page animates and plots: points, confidence and status of every frame as small integers."""
 
 from typing import Any
 
@@ -13,20 +13,20 @@ from ._outlines import LONG_SIDE, UNITS, UNSEEN, display_scale
 from ._overlays import Overlays
 from ._packed import packed
 
-# Steps of a tenth of a millimetre: 16 bits reach over 6.5 m. Where people walk farther, steps are coarser.
+# Resolution (m): with 16 bits a tenth of a millimetre covers 6.5 m. For larger scenes the steps are coarser.
 _STEP = 1e-4
 _LARGEST = 32767
 
 
 def page_numbers(recording: Recording, poses: Poses, truth: Truth | None, overlays: Overlays) -> dict[str, Any]:
-    """Everything that the page's scripts read, ready for JSON.
+    """All data that the page's scripts read, ready for JSON.
 
-    Points are turned to a world with z up. Arrays are base64, see `packed`.
+    Points are in a world rotated to z up (m). Arrays are base64, see `packed`.
 
     Args:
-        recording: For its cameras, name and up axis.
-        poses: What is shown.
-        truth: The true joints of the same frames.
+        recording: Provides cameras, name and up axis.
+        poses: The poses to show.
+        truth: Ground truth joints of the same frames.
         overlays: Outlines and projected skeletons.
     """
     turn = rotation_to_z_up(poses.up)
@@ -34,7 +34,7 @@ def page_numbers(recording: Recording, poses: Poses, truth: Truth | None, overla
     true = None if truth is None else body_points(truth.joints, truth.tips) @ turn.T
     origin, step = _steps([shown] if true is None else [shown, true])
     cameras = recording.cameras
-    # An outline is its first point and the steps from each to the next.
+    # An outline is stored as its first point and the differences between consecutive points.
     first = np.cumsum(overlays.lengths) - overlays.lengths
     steps = np.delete(np.diff(overlays.points, axis=0, prepend=np.int16(0)), first, axis=0)
     return {
@@ -65,14 +65,14 @@ def page_numbers(recording: Recording, poses: Poses, truth: Truth | None, overla
 def body_points(
     joints: Float[np.ndarray, "frames joints=15 3"], tips: Float[np.ndarray, "frames tips=5 3"] | None
 ) -> Float[np.ndarray, "frames points=20 3"]:
-    """Joints and then tips; tips that are not known are NaN."""
+    """Joints followed by tips (m); unknown tips are NaN."""
     if tips is None:
         tips = np.full((len(joints), len(TIP_NAMES), 3), np.nan)
     return np.concatenate([joints, tips], axis=1).astype(np.float64)
 
 
 def _steps(clouds: list[np.ndarray]) -> tuple[np.ndarray, float]:
-    """The middle of all points and the length of a step (m)."""
+    """The centre of all points (m), and the size of a quantisation step (m)."""
     points = np.concatenate([cloud.reshape(-1, 3) for cloud in clouds])
     points = points[np.isfinite(points).all(axis=1)]
     if len(points) == 0:

@@ -1,4 +1,4 @@
-"""Silhouettes and projected skeletons of all views, for as many frames as a page has room for."""
+"""Silhouettes and projected skeletons of all views, for as many frames as fit on a page."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,22 +11,22 @@ from ...recording import Recording, unpack_silhouettes
 from ._outlines import UNSEEN, display_scale, outlines, to_units
 from ._packed import packed_size
 
-_POINTS = 20  # joints and tips
+_POINTS = 20  # number of joints and tips
 
 
 @dataclass(frozen=True)
 class Overlays:
-    """What the views show in every ``stride``-th frame, beginning with the first."""
+    """The content of the views in every ``stride``-th frame, starting with the first."""
 
     stride: int
     counts: Int[np.ndarray, "shown cams"]
-    """Outlines in each view."""
+    """Number of outlines in each view."""
     lengths: Int[np.ndarray, " outlines"]
-    """Points of each outline, view by view, frame by frame."""
+    """Number of points of each outline, ordered by frame, then by view."""
     points: Int16[np.ndarray, "n 2"]
-    """Points of the outlines, in steps of the display."""
+    """Points of the outlines, in display units."""
     skeletons: Int16[np.ndarray, "shown cams points=20 2"]
-    """Joints and tips, in steps of the display; `UNSEEN` where there is none."""
+    """Projected joints and tips, in display units; `UNSEEN` if missing."""
 
     def __len__(self) -> int:
         return len(self.counts)
@@ -39,15 +39,15 @@ def make_overlays(
     room: int,
     on_frame: Callable[[int], None] | None = None,
 ) -> Overlays:
-    """Draw frames into all views until they would take more room than there is; then every second one goes.
+    """Draw frames into all views; whenever they exceed the room, drop every second frame.
 
-    So silhouettes are read once, and a frame at a time.
+    So silhouettes are read once, one frame at a time.
 
     Args:
         recording: Silhouettes and cameras.
-        rows: The frame of the recording that belongs to each frame of the page.
+        rows: Frame of the recording for each frame of the page.
         skeletons: Joints and tips in the world (m), NaN without a pose.
-        room: What the overlays may take in the page (bytes).
+        room: Largest size of the overlays in the page (bytes).
         on_frame: Called with the number of frames done.
     """
     views = len(recording.cameras)
@@ -58,7 +58,7 @@ def make_overlays(
         if frame % stride == 0:
             shown.append(_frame_outlines(recording, row))
             lengths = [len(outline) for view in shown[-1] for outline in view]
-            # Two bytes for a step, four for a point, a length or a count.
+            # Two bytes for a difference, four for a point, a length or a count.
             sizes.append(packed_size(2 * sum(lengths) + 8 * len(lengths) + 4 * views * (_POINTS + 1)))
             total += sizes[-1]
             while total > room and len(shown) > 1:
@@ -82,7 +82,7 @@ def make_overlays(
 def drawn_skeletons(
     cameras: Cameras, points: Float[np.ndarray, "frames points=20 3"]
 ) -> Int16[np.ndarray, "frames cams points=20 2"]:
-    """Where each view sees joints and tips, lens distortion included, in steps of the display."""
+    """Projections of joints and tips (world, m) into each view with lens distortion, in display units."""
     drawn = np.full((len(points), len(cameras), *points.shape[1:2], 2), UNSEEN, np.int16)
     there = np.isfinite(points).all(axis=(1, 2))
     if there.any():

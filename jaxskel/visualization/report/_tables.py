@@ -1,4 +1,4 @@
-"""The parts of the page that are text: facts of the recording, bone lengths, score. All names are escaped."""
+"""The text parts of the page: facts of the recording, bone lengths, score. All names are escaped."""
 
 from collections.abc import Iterable, Sequence
 from html import escape
@@ -13,7 +13,7 @@ from ._numbers import body_points
 
 
 def facts(recording: Recording, poses: Poses) -> str:
-    """What was recorded, and what became of its frames."""
+    """Facts of the recording, and the status of its frames."""
     sizes = list(dict.fromkeys(f"{w} x {h}" for w, h in recording.cameras.size.tolist()))
     counts = ", ".join(f"{count} {name}" for name, count in poses.counts().items())
     rows = (
@@ -27,9 +27,9 @@ def facts(recording: Recording, poses: Poses) -> str:
 
 
 def bone_lengths(poses: Poses, skeleton: Skeleton | None) -> str:
-    """Lengths between joints over the frames with a pose: median, 5th to 95th percentile, and the subject's own.
+    """Table of bone lengths over the frames with a pose: median, 5th to 95th percentile, and the subject's own.
 
-    Hand and foot turn about wrist and ankle, so the lengths to palm and ball of the foot vary.
+    Hand and foot rotate about wrist and ankle, so the lengths to palm and ball of the foot vary.
     """
     if not poses.has_pose.any():
         return "<p>No frame has a pose.</p>"
@@ -49,7 +49,7 @@ def bone_lengths(poses: Poses, skeleton: Skeleton | None) -> str:
 
 
 def score_tables(score: Score | None) -> str:
-    """How far the poses are from the truth, as `jaxskel evaluate` counts it; empty without a truth."""
+    """Tables of the distances to the ground truth, as in `jaxskel evaluate`; empty without ground truth."""
     if score is None:
         return ""
     n = len(score)

@@ -1,4 +1,4 @@
-"""The page as a file: numbers, tables, scripts and style in one, within a limit of bytes."""
+"""Writes the report as one HTML file of limited size: numbers, tables, scripts and style."""
 
 import base64
 import hashlib
@@ -21,9 +21,9 @@ from ._overlays import Overlays, make_overlays
 from ._tables import bone_lengths, facts, score_tables
 
 LIMIT = 15_000_000
-"""Greatest size of a page (bytes): it still goes by mail."""
+"""Largest size of a page (bytes), so that it can still be sent by mail."""
 
-# In the order in which they need each other.
+# In order of their dependencies.
 _SCRIPTS = ("data.js", "orbit.js", "scene.js", "views.js", "charts.js", "player.js")
 
 
@@ -36,21 +36,21 @@ def write_report(
 ) -> int:
     """Write one HTML page that shows poses in 3D, over the silhouettes, and their confidence over time.
 
-    The page asks for nothing outside itself. Silhouettes are read a frame at a time. Where all frames would make
-    the page larger than the limit, the views show every second, fourth, ... frame only, and the page says so.
+    The page loads nothing else. Silhouettes are read one frame at a time. If all frames would make the page larger than
+    the limit, the views show only every second, fourth, ... frame, and the page says so.
 
     Args:
         path: The file.
-        recording: What the poses were made from. With a ground truth, the page has a score.
+        recording: Recording that the poses were made from. If it has ground truth, the page shows a score.
         poses: Poses of all its frames, or of some.
-        limit: Greatest size of the page (bytes).
+        limit: Largest size of the page (bytes).
         on_frame: Called with the number of frames whose silhouettes are done.
 
     Returns:
         The size of the page (bytes).
 
     Raises:
-        ValueError: Poses of another recording, or poses that do not fit into the limit even without silhouettes.
+        ValueError: Poses of another recording, or poses that exceed the limit even without silhouettes.
     """
     rows = recording_rows(recording, poses)
     truth = None
@@ -70,7 +70,7 @@ def write_report(
             f"report: {len(poses)} frames take {without / 1e6:.2g} MB without any silhouette, more than the limit of "
             f"{limit / 1e6:g} MB; raise the limit, or give poses of fewer frames"
         )
-    # The numbers of frames shown and their stride have some digits.
+    # Reserve some bytes for the digits of the stride and the number of frames.
     content = page(make_overlays(recording, rows, points, limit - without - 64, on_frame))
     with written_whole(Path(path)) as file:
         file.write(content)
@@ -78,11 +78,11 @@ def write_report(
 
 
 def make_page(numbers: dict[str, Any], recording: Recording, poses: Poses, scored: Score | None) -> str:
-    """The page as text. Its policy allows its own script and style by their hashes, and nothing else."""
+    """The page as text. Its security policy only allows its own script and style, by their hashes."""
     parts = files("jaxskel.visualization.report")
     script = "\n".join(parts.joinpath(name).read_text("utf-8") for name in _SCRIPTS)
     style = parts.joinpath("style.css").read_text("utf-8")
-    # In JSON, "<" stands in texts only; escaped, no name can end the script that holds it.
+    # In JSON "<" only occurs in strings; once escaped, no name can close the script element.
     data = json.dumps(numbers, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     return Template(parts.joinpath("page.html").read_text("utf-8")).substitute(
         title=escape(plain(recording.name)), script=script, style=style, data=data,

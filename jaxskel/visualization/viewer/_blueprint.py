@@ -1,4 +1,4 @@
-"""How the viewer's window is laid out: the scene large, the views beside it, confidence and status below."""
+"""Layout of the viewer's window: a large scene, the views beside it, confidence and status below."""
 
 import numpy as np
 from jaxtyping import Float
@@ -8,12 +8,12 @@ from ...recording import Recording, rotation_to_z_up
 from ._rerun import rrb
 from ._views import camera_path
 
-# How far off and how far above the person the eye is at first (m): a person with raised arms is then seen whole.
+# Initial distance and height of the viewpoint relative to the person (m), which shows a person with raised arms whole.
 _FAR, _ABOVE = 3.5, 0.6
 
 
 def blueprint(recording: Recording, with_poses: bool) -> rrb.Blueprint:
-    """Lay out the window for a recording; there is confidence to plot only with poses."""
+    """Lay out the window for a recording; confidence is plotted only with poses."""
     views = [rrb.Spatial2DView(origin=camera_path(name), name=name) for name in recording.cameras.names]
     above = rrb.Horizontal(
         rrb.Spatial3DView(origin="world", name="scene", eye_controls=_eye(recording)),
@@ -26,7 +26,7 @@ def blueprint(recording: Recording, with_poses: bool) -> rrb.Blueprint:
             origin="confidence", name="confidence", axis_y=rrb.ScalarAxis(range=(0.0, 1.05), zoom_lock=True)
         )
         below.insert(0, confidence)
-    # Numbers of frames go up by more than one where only some of the material's frames were taken.
+    # Frame numbers increase by more than one if the recording has only some of the material's frames.
     index = recording.frame_index
     step = float(np.median(np.diff(index))) if len(index) > 1 else 1.0
     return rrb.Blueprint(
@@ -37,21 +37,21 @@ def blueprint(recording: Recording, with_poses: bool) -> rrb.Blueprint:
 
 
 def _eye(recording: Recording) -> rrb.EyeControls3D:
-    """Where the scene is seen from at first: from the side of the first camera, but nearer."""
+    """Initial viewpoint: on the side of the first camera, but nearer to the person."""
     cameras = recording.cameras
     target, up = _looked_at(cameras), rotation_to_z_up(recording.up)[2]
     towards = cameras.centres[0] - target
     towards -= (towards @ up) * up
     length = float(np.linalg.norm(towards))
-    # A camera that hangs right above tells no side.
+    # A camera straight above defines no side.
     towards = rotation_to_z_up(recording.up)[0] if length < 1e-6 else towards / length
     return rrb.EyeControls3D(position=target + _FAR * towards + _ABOVE * up, look_target=target)
 
 
 def _looked_at(cameras: Cameras) -> Float[np.ndarray, "3"]:
-    """The point nearest to the optical axes of all cameras (m)."""
+    """The point nearest to the optical axes of all cameras (world, m)."""
     axes = np.asarray(cameras.R)[:, 2]
     across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
-    # Parallel axes have no such point but a line of them; of these the one nearest to the origin.
+    # Parallel axes have a line of such points; take the one nearest to the origin.
     point, *_ = np.linalg.lstsq(across.sum(0), np.einsum("cij,cj->i", across, cameras.centres), rcond=1e-6)
     return point

@@ -1,4 +1,4 @@
-"""A recording as the viewer gets it: everything that holds for all frames, and then frame after frame."""
+"""Sends a recording to the viewer: first everything that is constant over time, then frame by frame."""
 
 from collections.abc import Callable
 
@@ -13,7 +13,8 @@ from ._skeleton import body_points, log_skeleton
 from ._stages import LABELS, FrameStages, stages_of_frames
 from ._views import log_cameras, log_projections, log_silhouettes
 
-# Dots that touch would hide graph and skeleton, which are inside; the viewer draws points opaque.
+# Colour and radius of hull points: touching points would hide graph and skeleton inside, as the viewer draws them
+# opaque.
 _HULL, _DOT = (150, 150, 150), 0.15
 _GRAPH = (224, 138, 0)
 _NODE, _EDGE = 0.02, 0.004  # m
@@ -27,19 +28,19 @@ def log_recording(
     frames: slice = slice(None),
     on_frame: Callable[[int, int], None] | None = None,
 ) -> int:
-    """Log cameras, silhouettes, hull, labelled skeletal graph, and, where there are poses, skeleton and confidence.
+    """Log cameras, silhouettes, hull, labelled skeletal graph, and, if there are poses, skeleton and confidence.
 
-    All is in the recording's world (m). Frames lie on two timelines: ``frame``, their number in the material they
-    were taken from, and ``time``, seconds from the first frame of the recording. Whatever a frame lacks is logged as
-    empty, so that nothing of the frame before is left standing. Silhouettes are read a batch at a time.
+    Everything is in the recording's world (m). Frames have two timelines: ``frame``, their number in the source
+    material, and ``time``, seconds from the first frame of the recording. Whatever a frame lacks is logged as empty, so
+    that nothing of the previous frame remains visible. Silhouettes are read a batch at a time.
 
     Args:
-        stream: Where to.
+        stream: Destination.
         recording: Silhouettes and cameras.
-        poses: Poses of all its frames, or of some; only these frames are shown then. Nothing is reconstructed.
-        settings: How hull and graph are made.
-        frames: Which frames of the recording, counted from 0.
-        on_frame: Called with the number of frames logged and the number of all.
+        poses: Poses of all its frames, or of some; then only these frames are shown. Nothing is reconstructed.
+        settings: Settings for hull and graph.
+        frames: Frames of the recording to show, counted from 0.
+        on_frame: Called with the number of frames logged and the total number.
 
     Returns:
         The number of frames logged.
@@ -73,7 +74,7 @@ def log_recording(
 def shown_frames(
     recording: Recording, poses: Poses | None, frames: slice
 ) -> tuple[Int[np.ndarray, " frames"], Int[np.ndarray, " frames"]]:
-    """Frames of the recording to show, counted from 0, ascending, and the frame of the poses that belongs to each.
+    """Frames of the recording to show, counted from 0, ascending, and the corresponding frames of the poses.
 
     Raises:
         ValueError: Poses of another recording, or no frame to show.

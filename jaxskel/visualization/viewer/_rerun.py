@@ -1,7 +1,7 @@
-"""The viewer's package, which is an extra."""
+"""Imports the viewer's package rerun, an optional dependency."""
 
 try:
-    # Neither needed for anything else nor small, so it may be missing.
+    # Large and needed for nothing else, so it may be missing.
     import rerun as rr  # pyright: ignore[reportMissingImports]
     import rerun.blueprint as rrb  # pyright: ignore[reportMissingImports]
 except ImportError as error:

@@ -1,4 +1,4 @@
-"""The view in a window, or in a file for a window elsewhere."""
+"""Shows the view in a window, or saves it to a file."""
 
 import os
 import sys
@@ -26,7 +26,7 @@ def save_view(
     frames: slice = slice(None),
     on_frame: Callable[[int, int], None] | None = None,
 ) -> int:
-    """Write the view to a file, for ``rerun FILE.rrd`` to open; see `log_recording`. No window is opened.
+    """Write the view to a file, for ``rerun FILE.rrd`` to open, without opening a window; see `log_recording`.
 
     Returns:
         The number of frames written.
@@ -35,10 +35,10 @@ def save_view(
         ValueError: Poses of another recording, or no frame to show.
     """
     path = Path(path)
-    shown_frames(recording, poses, frames)  # before anything is written
+    shown_frames(recording, poses, frames)  # check before anything is written
     check_replaceable(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    # The viewer's package opens its file by name, and it grows frame by frame; it appears once it is whole.
+    # rerun opens its file by name and extends it frame by frame; the final file only appears once it is complete.
     with tempfile.TemporaryDirectory(prefix=f".{path.name[:40]}.", dir=path.parent) as folder:
         unfinished = Path(folder) / "view.rrd"
         stream = rr.RecordingStream(_APPLICATION)
@@ -47,7 +47,7 @@ def save_view(
         try:
             count = log_recording(stream, recording, poses, settings, frames, on_frame)
         finally:
-            stream.disconnect()  # writes what is left and closes the file
+            stream.disconnect()  # flushes and closes the file
         os.replace(unfinished, path)
     return count
 
@@ -59,9 +59,9 @@ def show_view(
     frames: slice = slice(None),
     on_frame: Callable[[int, int], None] | None = None,
 ) -> int:
-    """Open the viewer, or one that is open already, and show the view; see `log_recording`.
+    """Open the viewer, or use one that is already open, and show the view; see `log_recording`.
 
-    The window stays when Python ends.
+    The window stays open when Python ends.
 
     Returns:
         The number of frames shown.

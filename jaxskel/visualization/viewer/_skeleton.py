@@ -1,4 +1,4 @@
-"""The skeleton of the poses: joints and tips, bones between them, colours by side."""
+"""Draws the skeleton of the poses: joints and tips, bones between them, colours by side."""
 
 import numpy as np
 from jaxtyping import Float, Int, UInt8
@@ -12,31 +12,31 @@ POINT_NAMES = JOINT_NAMES + TIP_NAMES
 BONES: Int[np.ndarray, "bones=19 2"] = np.stack(
     [np.arange(1, len(POINT_NAMES)), np.array(JOINT_PARENTS[1:] + TIP_PARENTS)], axis=1
 )
-"""Points at the ends of each bone, its own first."""
+"""Points at the ends of each bone, its own point first."""
 
 _SIDES = {"l_": LEFT, "r_": RIGHT}
-# The drawings are OpenCV's, blue first.
+# The colours of the drawings are in OpenCV's order, BGR.
 COLOURS: UInt8[np.ndarray, "points=20 3"] = np.array(
     [_SIDES.get(name[:2], MIDDLE)[::-1] for name in POINT_NAMES], np.uint8
 )
 """Colour of each point: left red, right blue, the middle green."""
 BONE_COLOURS = COLOURS[BONES[:, 0]]
 
-# Radii of a joint and of a bone that are sure (m): thinner than a wrist, so that the hull around them shows.
+# Radii of a joint and of a bone at full confidence (m): thinner than a wrist, so that the hull around them shows.
 _JOINT, _BONE = 0.018, 0.009
-# A joint of no confidence is drawn as thin as this share, so that it is still seen.
+# Share of the radius at zero confidence, so that the joint is still visible.
 _THINNEST = 0.3
 
 
 def body_points(poses: Poses, frame: int) -> Float[np.ndarray, "points=20 3"]:
-    """Joints and then tips of one frame in the recording's world (m); NaN where there is none."""
+    """Joints followed by tips of one frame in the recording's world (m); NaN if missing."""
     return np.concatenate([poses.joints[frame], poses.tips[frame]]).astype(np.float64)
 
 
 def log_skeleton(
     stream: rr.RecordingStream, points: Float[np.ndarray, "points=20 3"], confidence: Float[np.ndarray, " joints=15"]
 ) -> None:
-    """Show joints, tips and bones of one frame, the thinner the less sure; what is NaN is cleared."""
+    """Log joints, tips and bones of one frame (m), thinner at lower confidence; NaN clears them."""
     sure = np.concatenate([confidence, confidence[list(TIP_PARENTS)]])
     sure = _THINNEST + (1 - _THINNEST) * sure
     there = np.isfinite(points).all(1)

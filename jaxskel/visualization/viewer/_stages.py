@@ -1,4 +1,4 @@
-"""What is in each frame before any pose: hull, skeletal graph and its labelled nodes."""
+"""Intermediate results of each frame before any pose: hull, skeletal graph and its labelled nodes."""
 
 from collections.abc import Iterator
 
@@ -14,7 +14,7 @@ from ...poses import Status
 from ...recording import Recording
 
 LABELS = ("head", "left hand", "right hand", "left foot", "right foot", "neck", "pelvis")
-"""Nodes of the graph that have a name, in the order of `FrameStages.named`."""
+"""Labelled nodes of the graph, in the order of `FrameStages.named`."""
 
 _NEIGHBOURS = np.concatenate([np.eye(3, dtype=int), -np.eye(3, dtype=int)])
 
@@ -23,28 +23,28 @@ class FrameStages(eqx.Module):
     """Hull and graph of one frame, in the recording's world."""
 
     silhouettes: UInt8[np.ndarray, "cams h w8"]
-    """What they were made of: packed bits, as in the recording."""
+    """The silhouettes: packed bits, as in the recording."""
     status: Status
-    """`Status.OK` where there is one whole person."""
+    """`Status.OK` if there is one whole person."""
     surface: Float[np.ndarray, "voxels 3"]
-    """Centres of the voxels at the surface of the hull (m): of the person, or, where enough views show
-    something else than one whole person, of all that was carved."""
+    """Centres of the voxels at the surface of the hull (m): that of the person, or, if enough views show something
+    other than one whole person, that of everything carved."""
     edges: Float[np.ndarray, "edges 2 3"]
     """Edges of the skeletal graph (m); none without a person."""
     named: Float[np.ndarray, "labels=7 3"]
-    """The nodes of `LABELS` (m); NaN where one was not found."""
+    """Positions of the `LABELS` nodes (m); NaN if not found."""
 
 
 def stages_of_frames(
     recording: Recording, rows: Int[np.ndarray, " frames"], prepared: Prepared, settings: Settings
 ) -> Iterator[FrameStages]:
-    """Carve frames of a recording and scoop and label their graphs, one batch at a time.
+    """Carve frames of a recording, and extract and label their graphs, one batch at a time.
 
     Args:
         recording: Silhouettes and cameras.
-        rows: Frames, counted from 0, ascending.
-        prepared: What `prepare` found for the recording.
-        settings: How.
+        rows: Frame numbers, counted from 0, ascending.
+        prepared: Result of `prepare` for the recording.
+        settings: Settings of the stages.
     """
     for start in range(0, len(rows), FRAMES_PER_WORD):
         silhouettes = recording.silhouettes[rows[start : start + FRAMES_PER_WORD]]
@@ -54,8 +54,8 @@ def stages_of_frames(
         graphs, limbs, everything = [], Limbs.none(0), None
         if found.labelled is not None:
             graphs, limbs = found.labelled.graphs, found.labelled.limbs
-        # Why there is no person is what one wants to see; `see_people` keeps the hulls of people only. Of too few
-        # views there is no hull.
+        # Show the hull of rejected frames too, which reveals why they were rejected; `see_people` only keeps the hulls
+        # of people. With too few views there is no hull.
         refused = ~np.isin(seen.status, (Status.OK, Status.EMPTY, Status.TOO_FEW_VIEWS))
         if prepared.table is not None and refused.any():
             everything = carve(silhouettes, prepared.table, seen.empty_views, prepared.max_misses)
@@ -72,7 +72,7 @@ def stages_of_frames(
 
 
 def surface_centres(hulls: VisualHulls, frame: int) -> Float[np.ndarray, "voxels 3"]:
-    """Centres of the voxels of a hull of which a side is bare (m): all that can be seen of it."""
+    """Centres of the hull's voxels with an exposed side (m), which are all that is visible."""
     inside = hulls.inside[frame]
     voxels = hulls.voxels[inside]
     if len(voxels) == 0:
@@ -81,7 +81,7 @@ def surface_centres(hulls: VisualHulls, frame: int) -> Float[np.ndarray, "voxels
 
 
 def _buried(voxels: Int[np.ndarray, "voxels 3"]) -> Bool[np.ndarray, " voxels"]:
-    """Whether all six neighbours of a voxel are there; indices count from 1."""
+    """Whether all six neighbours of a voxel are occupied; indices count from 1."""
     occupied = np.zeros(voxels.max(0) + 2, bool)
     occupied[tuple(voxels.T)] = True
     return np.all([occupied[tuple((voxels + step).T)] for step in _NEIGHBOURS], axis=0)

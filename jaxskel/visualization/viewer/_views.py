@@ -1,4 +1,4 @@
-"""The cameras in the scene, and on the image of each its silhouette and the skeleton as it sees it."""
+"""Logs the cameras in the scene, and the silhouette and projected skeleton on the image of each."""
 
 import cv2
 import numpy as np
@@ -11,25 +11,25 @@ from ._rerun import rr
 from ._skeleton import BONE_COLOURS, BONES
 
 LONG_SIDE = 640
-"""Longer side of a view at the most (px): silhouettes of minutes are to fit into the viewer's memory."""
+"""Longer side of a view, at most (px), so that minutes of silhouettes fit into the viewer's memory."""
 
-# How far before its camera an image hangs (m): well outside of the people, who stand some metres off.
+# Distance of an image from its camera (m): well away from the people, who stand some metres off.
 _IMAGE_DISTANCE = 0.4
-# Of a line over an image (px of the screen, whatever the size at which the image is shown).
+# Width of a line over an image (screen px, independent of the displayed size).
 _LINE = rr.Radius.ui_points(1.5)
 
 
 def camera_path(name: str) -> str:
-    """Where the viewer keeps a camera."""
+    """The viewer's path of a camera."""
     return "world/cameras/" + rr.escape_entity_path_part(name)
 
 
 def log_cameras(stream: rr.RecordingStream, cameras: Cameras) -> None:
-    """Place every camera in the world; it stands there for all frames.
+    """Log the pose of every camera in the world (m), constant over time.
 
-    The viewer's pinholes know neither skew nor lens distortion, so that of a fisheye is right about its middle only;
-    what is drawn over its image is right everywhere. The viewer's pixels have their corners, not their centres, at
-    whole numbers.
+    The viewer's pinhole model knows neither skew nor lens distortion, so a fisheye camera is only right near its
+    centre; what is drawn over its image is right everywhere. Integer coordinates are pixel corners in the viewer, not
+    pixel centres.
     """
     for i, (name, size) in enumerate(zip(cameras.names, cameras.size, strict=True)):
         factors = display_size(size) / size
@@ -46,7 +46,7 @@ def log_cameras(stream: rr.RecordingStream, cameras: Cameras) -> None:
 
 
 def log_silhouettes(stream: rr.RecordingStream, cameras: Cameras, packed: UInt8[np.ndarray, "cams h w8"]) -> None:
-    """Show the silhouettes of one frame in every view, small, as PNG."""
+    """Log the silhouettes of one frame in every view, reduced, as PNG."""
     for name, size, bits in zip(cameras.names, cameras.size, packed, strict=True):
         width, height = size.tolist()
         image = _small(draw_silhouette(unpack_silhouettes(bits[:height], width)), display_size(size))
@@ -55,7 +55,7 @@ def log_silhouettes(stream: rr.RecordingStream, cameras: Cameras, packed: UInt8[
 
 
 def log_projections(stream: rr.RecordingStream, cameras: Cameras, points: Float[np.ndarray, "points=20 3"]) -> None:
-    """Draw the bones of one frame into every view, lens distortion included; none that a view cannot see."""
+    """Draw the bones of one frame (world, m) into every view, with lens distortion, where the view sees them."""
     u, v, _ = project(cameras, points)
     factors = np.array([display_size(size) / size for size in cameras.size])
     uv = (np.stack([u, v], -1) + 0.5) * factors[:, None]
@@ -67,7 +67,7 @@ def log_projections(stream: rr.RecordingStream, cameras: Cameras, points: Float[
 
 
 def display_size(size: Int[np.ndarray, "2"]) -> Int[np.ndarray, "2"]:
-    """Width and height at which a view is shown (px); no image is blown up."""
+    """Width and height at which a view is shown (px); images are never enlarged."""
     return np.maximum(1, np.round(size * min(1.0, LONG_SIDE / int(size.max())))).astype(np.int64)
 
 
