@@ -11,6 +11,7 @@ import jaxtyping
 import numpy as np
 import pytest
 from support.checkerboards import BOARD, SIZE, SYMMETRIC, column, lenses, off, pictures, rig
+from support.shared_data import SHARED
 
 from jaxskel import make_cameras
 from jaxskel.camera_calibration.from_boards import Board, Intrinsics, calibrate_cameras
@@ -18,7 +19,7 @@ from jaxskel.cameras import compare_rigs
 from jaxskel.cli._app import main
 from jaxskel.io.calibrations import read_calibration, write_pose2sim_calibration
 
-UTRECHT = Path(__file__).parents[3] / "shared" / "data" / "real" / "utrecht_horseman"
+UTRECHT = SHARED / "real" / "utrecht_horseman"
 
 
 @pytest.fixture(scope="module")

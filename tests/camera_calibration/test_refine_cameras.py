@@ -1,7 +1,6 @@
 """Cameras refined from silhouettes: wrong rigs that come back, a real rig that gets better."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import equinox as eqx
 import jax
@@ -11,6 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from support.perturbed_rigs import SIZE, VIEWS, filmed_with_lenses, missed, moved, perturbed
 from support.phantoms import ring
+from support.shared_data import SHARED
 
 from jaxskel import Recording, make_cameras, pack_silhouettes, refine_cameras, unpack_silhouettes
 from jaxskel.camera_calibration.from_silhouettes import RefinedCameras
@@ -19,7 +19,6 @@ from jaxskel.camera_calibration.from_silhouettes._step import CameraStep
 from jaxskel.cameras import ExtrinsicChange, changed, compare_rigs
 from jaxskel.synthetic import make_scene
 
-SHARED = Path(__file__).parents[3] / "shared" / "data"
 BALANCING = SHARED / "real" / "pose2sim_balancing"
 
 # In one test this is all there is, so it is used in the others: nothing is compiled again.

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.poses import POINT_NAMES, moving, points, posed
+from support.shared_data import SHARED
 
 from jaxskel import JOINT_NAMES, Pose, Poses, default_adult, make_skeleton, read_recording
 from jaxskel.body import place_joints
@@ -20,7 +21,7 @@ from jaxskel.io.poses._rig import RIG, placed
 from jaxskel.io.poses._twist import hinge_across, swung
 from jaxskel.recording import UP_AXES
 
-SEQUENCES = Path(__file__).parents[3] / "shared" / "data" / "sequences"
+SEQUENCES = SHARED / "sequences"
 TENTH_OF_MM = 1e-4
 ENDS = {"head_top": "Head", "l_fingertip": "LeftPalm", "r_fingertip": "RightPalm", "l_toetip": "LeftToeBase",
         "r_toetip": "RightToeBase"}  # fmt: skip

@@ -1,10 +1,9 @@
-from pathlib import Path
-
 import cv2
 import numpy as np
 import pytest
 from support.calibration_files import FORMATS, a_rig, seen_by_opencv, sizes_of, vicon
 from support.same_rigs import POINTS, assert_same, read
+from support.shared_data import SHARED
 
 from jaxskel.cameras import make_cameras, project
 from jaxskel.io.calibrations import (
@@ -15,7 +14,7 @@ from jaxskel.io.calibrations import (
     write_pose2sim_calibration,
 )
 
-REAL = Path(__file__).parents[3] / "shared" / "data" / "real" / "pose2sim_balancing"
+REAL = SHARED / "real" / "pose2sim_balancing"
 
 every_format = pytest.mark.parametrize("form", FORMATS.values(), ids=FORMATS.keys())
 

@@ -1,14 +1,13 @@
-from pathlib import Path
-
 import numpy as np
 import pytest
 from support.motion_texts import AMC, ASF, BVH, is_valid
+from support.shared_data import SHARED
 
 from jaxskel.body import JOINT_NAMES
 from jaxskel.io.mocap import parse_asf_amc, parse_bvh, read_asf_amc, read_bvh
 from jaxskel.synthetic import find_joints
 
-CMU = Path(__file__).parents[3] / "shared" / "data" / "cmu"
+CMU = SHARED / "cmu"
 CMU_SCALE = 0.0254 / 0.45
 AT = {name: i for i, name in enumerate(JOINT_NAMES)}
 

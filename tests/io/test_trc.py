@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 import trc
 from support.poses import POINT_NAMES, moving, points
+from support.shared_data import SHARED
 
 from jaxskel.io.poses import parse_trc, read_trc, with_up, write_trc
 from jaxskel.io.poses._markers import to_markers
 from jaxskel.recording import UP_AXES
 
-REFERENCE = Path(__file__).parents[3] / "shared" / "data" / "real" / "pose2sim_balancing"
+REFERENCE = SHARED / "real" / "pose2sim_balancing"
 TENTH_OF_MM = 1e-4
 
 

@@ -1,11 +1,11 @@
 """Real recordings, from the files that people have to poses; without the shared data these tests skip."""
 
 import shutil
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from support.shared_data import SHARED
 
 from jaxskel import Settings, prepare, reconstruct
 from jaxskel.body import JOINT_NAMES
@@ -15,7 +15,7 @@ from jaxskel.io.poses import read_trc
 from jaxskel.io.proposals import propose_recording
 from jaxskel.io.recordings import read_recording
 
-REAL = Path(__file__).parents[3] / "shared" / "data" / "real"
+REAL = SHARED / "real"
 pytestmark = pytest.mark.skipif(not REAL.is_dir(), reason=f"needs {REAL}, which is not part of the package")
 
 # Markers of the reference at the same place as joints of the template; a hand is the palm, a foot the ball of it.

@@ -6,6 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from support.shared_data import SHARED
 
 from jaxskel.segmentation import Cleaning, ColouredBackdrop, Plate, backdrop_of, backdrop_of_colour, plate_of
 
@@ -15,7 +16,7 @@ PERSON[60:200, 130:190] = True
 # Beside the person, where he stands in the light.
 SHADOW = np.zeros(SIZE, bool)
 SHADOW[170:215, 195:290] = True
-UTRECHT = Path(__file__).parents[3] / "shared" / "data" / "real" / "utrecht_horseman"
+UTRECHT = SHARED / "real" / "utrecht_horseman"
 
 
 def room() -> np.ndarray:

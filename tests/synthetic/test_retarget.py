@@ -1,13 +1,12 @@
-from pathlib import Path
-
 import numpy as np
 import pytest
+from support.shared_data import SHARED
 
 from jaxskel.body import JOINT_NAMES, JOINT_PARENTS, SEGMENT_NAMES, Pose, default_adult, place_body, place_joints
 from jaxskel.io.mocap import Motion, read_asf_amc
 from jaxskel.synthetic import demo_motion, detailed_body, find_joints, retarget
 
-CMU = Path(__file__).parents[3] / "shared" / "data" / "cmu"
+CMU = SHARED / "cmu"
 AT = {name: i for i, name in enumerate(JOINT_NAMES)}
 
 ACCLAIM_NAMES = {

@@ -13,6 +13,7 @@ from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
 from selenium.webdriver.common.keys import Keys
 from support.browser import BROWSER, DRIVER, JOINT, PANEL, Page, browser, in_scene, of_colour
 from support.report_page import FRAMES, LOST, filmed, numbers_in, poses_of
+from support.shared_data import SHARED
 
 from jaxskel import Poses, Recording, default_adult, read_recording, unpack_silhouettes
 from jaxskel.cameras import project
@@ -23,7 +24,7 @@ pytestmark = pytest.mark.skipif(
     not (BROWSER and DRIVER), reason="needs Chromium and its driver: apt-get install chromium chromium-driver"
 )
 
-REAL = Path(__file__).parents[3] / "shared" / "data" / "real" / "vlasic_crane" / "vlasic_crane.npz"
+REAL = SHARED / "real" / "vlasic_crane" / "vlasic_crane.npz"
 
 
 @pytest.fixture(scope="module")
