@@ -65,7 +65,7 @@ def executor(slurm, tmp_path, monkeypatch) -> submitit.AutoExecutor:
     """Submitit as a user on the cluster has it; jobs import the functions of the tests."""
     for name, value in slurm.environment.items():
         monkeypatch.setenv(name, value)
-    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=os.pathsep)
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1]), prepend=os.pathsep)
     sent = submitit.AutoExecutor(tmp_path / "submitit", cluster="slurm")
     sent.update_parameters(timeout_min=60, cpus_per_task=1, mem_gb=1)
     return sent
