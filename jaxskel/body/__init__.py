@@ -27,6 +27,7 @@ from ._shape import QUANTITIES as QUANTITIES
 from ._shape import Prior as Prior
 from ._shape import Shape as Shape
 from ._shape import adults_prior as adults_prior
+from ._shape import flesh_prior as flesh_prior
 from ._shape import lengths_of as lengths_of
 from ._shape import measured_body as measured_body
 from ._shape import shaped_body as shaped_body

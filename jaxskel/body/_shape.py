@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from ._capsule_body import BALL_NAMES, BALL_SIDES, FREE_BALLS, LIKE_BALL, Body, make_body
 from ._population import adults
-from ._skeleton import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES, TIP_PARENTS, Skeleton, make_skeleton
+from ._skeleton import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES, TIP_PARENTS, Skeleton, default_adult, make_skeleton
 
 LENGTH_NAMES = (
     "trunk", "neck", "shoulder", "upper_arm", "forearm", "hip", "thigh", "shank", "head_top", "fingertip", "toetip",
@@ -119,6 +119,21 @@ def adults_prior(template: Skeleton) -> Prior:
     precision = np.linalg.inv(axes @ axes.T + np.diag(rest**2))
     scale = precision[:, : len(LENGTH_NAMES)].sum(1)
     precision -= np.outer(scale, scale) / scale[: len(LENGTH_NAMES)].sum()
+    return Prior(Shape.of(mean), precision)
+
+
+def flesh_prior(skeleton: Skeleton) -> Prior:
+    """Prior of the flesh of an adult with a known skeleton, which is the template: lengths and fingers are fixed."""
+    table, count = adults_prior(skeleton), len(LENGTH_NAMES)
+    known, free = np.arange(FLESH_FROM), np.arange(FLESH_FROM, len(QUANTITIES))
+    off = np.zeros(FLESH_FROM)  # the table does not contain fingers
+    off[:count] = np.log(lengths_of(skeleton) / lengths_of(default_adult(skeleton.stature))) - table.mean.lengths
+    precision = table.precision.copy()
+    mean = table.mean.vector.copy()
+    mean[free] -= np.linalg.solve(precision[np.ix_(free, free)], precision[np.ix_(free, known)] @ off)
+    mean[known] = 0.0
+    precision[known], precision[:, known] = 0.0, 0.0
+    precision[known, known] = _NO_PLAY**-2
     return Prior(Shape.of(mean), precision)
 
 

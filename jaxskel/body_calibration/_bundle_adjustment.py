@@ -55,8 +55,8 @@ class Adjusted(NamedTuple):
     shape: Shape
     poses: Pose
     """Axis ``frames``."""
-    deviations: Float[np.ndarray, "lengths=11"]
-    """Standard deviation of each length, as a share of the length."""
+    covariance: Float[np.ndarray, "lengths=11 lengths=11"]
+    """Covariance of the logarithms of the lengths."""
     change: float
     """Largest change of a length in the last step, as a share of the length."""
 
@@ -100,7 +100,7 @@ def bundle_adjust(
     """
     template = single_precision(template)
     known = None if joints is None else jnp.asarray(joints, jnp.float32)
-    adjusted = Adjusted(shape, poses, np.full(len(LENGTH_NAMES), np.inf), np.inf)
+    adjusted = Adjusted(shape, poses, np.diag(np.full(len(LENGTH_NAMES), np.inf)), np.inf)
     frames = np.flatnonzero(used)
     for _ in range(steps):
         adjusted = _step(template, prior, adjusted, observed, frames, known)
@@ -140,9 +140,10 @@ def _step(
     for frame, both in zip(frames, solved, strict=True):
         turns[frame] = np.clip(both[:, -1] - both[:, :-1] @ change, -_POSE_REACH, _POSE_REACH)
     poses = jax.tree.map(np.asarray, _turned(template, start, before.poses, turns))
-    deviations = np.sqrt(np.diagonal(np.linalg.inv(matrix / _ALIKE + prior.precision)))[: len(LENGTH_NAMES)]
+    of_lengths = slice(len(LENGTH_NAMES))
+    covariance = np.linalg.inv(matrix / _ALIKE + prior.precision)[of_lengths, of_lengths]
     # The tips' lengths are ignored here: they affect little else, and converge last.
-    return Adjusted(Shape.of(vector + change), poses, deviations, float(np.abs(change[:8]).max()))
+    return Adjusted(Shape.of(vector + change), poses, covariance, float(np.abs(change[:8]).max()))
 
 
 def normal_equations(

@@ -2,14 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import numpy as np
-from jaxtyping import Float
 
-from .._runtime.batching import filled, on_device, single_precision, take
 from ..body import (
     JOINT_NAMES,
     LENGTH_NAMES,
@@ -20,33 +17,25 @@ from ..body import (
     Skeleton,
     adults_prior,
     lengths_of,
-    measured_body,
 )
-from ..body_calibration import Costs, bundle_adjust
 from ..graph import SkeletalGraph
 from ..hull import FRAMES_PER_WORD
-from ..matching import Limbs, estimate_stature
+from ..matching import estimate_stature
 from ..recording import Recording
-from ..refinement.terms import Observed
-from ..search import fit_poses, fit_scales, graphless_poses, make_model, solve_frames, start_poses
 from ._observe_batch import Observation, label_graphs, look_at_outlines, observe_batch
 from ._prepare import prepare
 from ._settings import Settings
+from ._subject import SUBJECT_STAGES, Costs, Sight, find_subject
 
 FRAMES = 60
-STAGES = ("looking", "searching", "adjusting", "searching again", "adjusting again", "judging")
+STAGES = ("looking", *SUBJECT_STAGES)
 """What `calibrate_body` does, one after the other."""
 # Fewer frames than this do not tell lengths from flesh.
 _LEAST_FRAMES = 8
-# Frames whose fit is the worst may be wrong altogether; they are left out.
-_USED = 0.8
-# One ray of so many: neighbours say the same.
-_SOME = 3
 # The place that a segment turns about is seen where it takes directions so far apart (rad): 20 degrees. Where they are
 # closer, a shift of the place along the segment looks much like a shift of the flesh around it.
 _TURNED = 0.35
 _PAIRS = 0.9  # of the pairs of frames show a smaller angle
-_SCALES = fit_scales((0.04, 4))
 # The bones at whose turning the two ends of each length are seen. Palms and tips are seen by their flesh only.
 _SEEN_BY = {
     "trunk": ("trunk", "neck"), "neck": ("neck",), "shoulder": ("upper_arm",), "upper_arm": ("upper_arm", "forearm"),
@@ -88,15 +77,6 @@ class CalibratedBody:
     """So many frames count."""
 
 
-class _Sight(NamedTuple):
-    """What the chosen frames show."""
-
-    observed: Observed
-    limbs: Limbs
-    facing: Float[np.ndarray, "frames 3"]
-    middles: Float[np.ndarray, "frames 3"]
-
-
 def calibrate_body(
     recording: Recording,
     settings: Settings | None = None,
@@ -128,24 +108,9 @@ def calibrate_body(
         raise ValueError("calibrate_body: the settings have no search for poses; give Settings(search=Search())")
     on_stage(STAGES[0])
     template, sight = _look(recording, settings, skeleton, frames)
-    prior = adults_prior(template)
-    shape, body = prior.mean, measured_body(template, prior.mean)
-    stack = on_device(sight.observed)
-    for searching, adjusting in (STAGES[1:3], STAGES[3:5]):
-        on_stage(searching)
-        starts = start_poses(sight.limbs, sight.facing, body.skeleton)
-        fallback = graphless_poses(sight.middles, body.skeleton)
-        found = solve_frames(make_model(body), settings.search, starts, fallback, sight.observed)
-        used = found.cost[:, 0] <= np.quantile(found.cost[:, 0], _USED)
-        on_stage(adjusting)
-        adjusted = bundle_adjust(template, prior, shape, filled(found.best), stack.thinned(_SOME), used)
-        shape, body = adjusted.shape, measured_body(template, adjusted.shape)
-    on_stage(STAGES[5])
-    poses = take(adjusted.poses, np.flatnonzero(used))
-    fitted = fit_poses(
-        single_precision(body), jax.tree.map(lambda a: a[:, None], poses), take(sight.observed, used), _SCALES
-    )
-    low, typical = np.quantile(fitted.cost[:, 0], (0.1, 0.5))
+    subject = find_subject(template, adults_prior(template), sight, settings.search, on_stage)
+    poses, body = subject.poses, subject.body
+    deviations = np.sqrt(np.diagonal(subject.covariance))
     still = {bone for bone in _TURNING if _turning(poses, body.skeleton, bone) < _TURNED}
     lengths = {
         name: MeasuredLength(
@@ -153,12 +118,12 @@ def calibrate_body(
             float(length * deviation),
             tuple(_TURNING[bone][0] for bone in _SEEN_BY.get(name, ()) if bone in still),
         )
-        for name, length, deviation in zip(LENGTH_NAMES, lengths_of(body.skeleton), adjusted.deviations, strict=True)
+        for name, length, deviation in zip(LENGTH_NAMES, lengths_of(body.skeleton), deviations, strict=True)
     }
-    return CalibratedBody(body.skeleton, body, lengths, Costs(float(low), float(typical)), int(used.sum()))
+    return CalibratedBody(body.skeleton, body, lengths, subject.costs, int(subject.used.sum()))
 
 
-def _look(recording: Recording, settings: Settings, template: Skeleton | None, frames: int) -> tuple[Skeleton, _Sight]:
+def _look(recording: Recording, settings: Settings, template: Skeleton | None, frames: int) -> tuple[Skeleton, Sight]:
     """The template in the subject's size, and what some frames show, a batch at a time."""
     unknown = eqx.tree_at(lambda r: r.skeleton, recording, template, is_leaf=lambda leaf: leaf is None)
     prepared = prepare(unknown, settings, calibrate=False)
@@ -179,12 +144,12 @@ def _look(recording: Recording, settings: Settings, template: Skeleton | None, f
     stature = estimate_stature([graph for _, graphs in batches for graph in graphs], skeleton)
     if stature is not None:
         skeleton = skeleton.scaled(stature / skeleton.stature)
-    parts: list[_Sight] = []
+    parts: list[Sight] = []
     for found, graphs in batches:
         labelled = label_graphs(graphs, skeleton, settings)
         outlines = look_at_outlines(found._replace(labelled=labelled), prepared).outlines
         assert outlines is not None
-        parts.append(_Sight(outlines.observed, labelled.limbs, labelled.facing, outlines.middles))
+        parts.append(Sight(outlines.observed, labelled.limbs, labelled.facing, outlines.middles))
     return skeleton, jax.tree.map(lambda *some: np.concatenate(some), *parts)
 
 

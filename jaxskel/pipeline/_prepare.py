@@ -5,16 +5,16 @@ from dataclasses import replace
 import equinox as eqx
 import numpy as np
 
-from ..body import Skeleton, default_adult, make_body
-from ..body_calibration import calibrate_flesh
+from ..body import Skeleton, adults_prior, default_adult, flesh_prior, make_body
 from ..graph import SkeletalGraph
 from ..hull import FRAMES_PER_WORD, judge_misses, make_grid, observed_edge, place_grid, projection_table
 from ..matching import estimate_stature
 from ..recording import Recording, Silhouettes, find_empty_views, rotation_to_z_up, silhouette_areas
-from ..search import graphless_poses, make_model, start_poses
+from ..search import make_model
 from ._observe_batch import observe_batch
 from ._prepared import Prepared
 from ._settings import Settings
+from ._subject import Sight, find_subject
 
 _SUBJECT_FRAMES = 24
 # A body is not calibrated on fewer frames than this: one wrong pose would bend it.
@@ -85,10 +85,10 @@ def _with_subject(prepared: Prepared, recorded: Silhouettes, settings: Settings,
         )  # fmt: skip
     if settings.search is None or found.outlines is None or len(found.seen.frames) < _LEAST_FRAMES:
         return prepared
-    starts = start_poses(found.labelled.limbs, found.labelled.facing, skeleton)
-    fallback = graphless_poses(found.outlines.middles, skeleton)
-    flesh = calibrate_flesh(prepared.body, starts, fallback, found.outlines.observed, settings.search)
-    return replace(prepared, body=flesh.body, costs=flesh.costs)
+    sight = Sight(found.outlines.observed, found.labelled.limbs, found.labelled.facing, found.outlines.middles)
+    prior = flesh_prior(skeleton) if prepared.skeleton_is_known else adults_prior(skeleton)
+    subject = find_subject(skeleton, prior, sight, settings.search)
+    return replace(prepared, skeleton=subject.body.skeleton, body=subject.body, costs=subject.costs)
 
 
 def _template(graphs: list[SkeletalGraph], prepared: Prepared) -> Skeleton:

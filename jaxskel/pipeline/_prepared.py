@@ -5,10 +5,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ..body import Body, Skeleton
-from ..body_calibration import Costs
 from ..cameras import Cameras
 from ..hull import ProjectionTable
 from ..search import Model
+from ._subject import Costs
 
 
 class Prepared(eqx.Module):
