@@ -1,4 +1,4 @@
-"""What to do where nothing comes out."""
+"""Advice when no frame has a pose."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from ..recording import Recording, silhouette_areas
 
 
 def advice(poses: Poses, recording: Recording) -> str | None:
-    """What to do if there is no pose at all."""
+    """The likely cause if no frame has a pose; None otherwise."""
     if poses.has_pose.any():
         return None
     worst = Status(max(set(poses.status.tolist()), key=poses.status.tolist().count))
