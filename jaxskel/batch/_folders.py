@@ -69,13 +69,13 @@ class ResultFolder:
         """
         for folder in self.written:
             if os.path.lexists(folder) and not folder.is_dir():
-                raise fault(folder, None, "is no folder, but in the way of one; move it away")
+                raise fault(folder, None, "is not a folder, but a folder is needed here; move it away")
         # Files written through a link would be somewhere else.
         for folder in (self.path, self._unfinished, self._unfinished / "journal"):
             if folder.is_symlink():
-                raise fault(folder, None, "is a link, but a result has a folder of its own; move it away")
+                raise fault(folder, None, "is a link, but a result needs its own folder; move it away")
         if self.path.exists() and self.path.stat().st_dev != self.path.parent.stat().st_dev:
-            raise fault(self.path, None, "is a disk of its own, into which no file can be moved; choose another output")
+            raise fault(self.path, None, "is a separate disk, so files cannot be moved into it; choose another output")
         # If there is a manifest, files that it does not list are renamed, not replaced.
         is_pose_file = _is_own if _readable(self.path) is None else Path.is_file
         checks = dict.fromkeys(POSES_FILES, is_pose_file) | {MANIFEST_FILE: is_manifest}
@@ -102,7 +102,7 @@ class ResultFolder:
             to_disk(file)
         aside = self._set_aside()
         notes = [manifest.note] if manifest.note else []
-        notes += [f"what had been changed is {', '.join(file.name for file in aside)} now"] if aside else []
+        notes += [f"changed files were renamed to {', '.join(file.name for file in aside)}"] if aside else []
         results = read_inputs({name: folder / name for name in POSES_FILES})
         manifest = replace(manifest, results=results, note="; ".join(notes))
         # The manifest is written last, because it marks the result as complete.

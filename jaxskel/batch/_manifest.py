@@ -141,9 +141,9 @@ def read_manifest(path: Path) -> Manifest:
         found = Manifest(**table | {"outcome": outcome, "work": Work(**work | {"inputs": inputs}), "results": results})
         numbers = (found.frames, found.with_pose, found.resumed, *found.counts.values(), *found.seconds.values())
         if not all(isinstance(number, int | float) for number in numbers):
-            raise ValueError("counts and times that are no numbers")
+            raise ValueError("counts or times are not numbers")
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-        raise fault(path, None, f"is no manifest of a batch ({error}); delete it and run again") from None
+        raise fault(path, None, f"is not a manifest of a batch ({error}); delete it and run again") from None
     return found
 
 

@@ -32,11 +32,11 @@ def check_name(path: Path, name: str) -> None:
     for part in name.split("/"):
         told = None
         if part in ("", ".", "..") or "\0" in part:
-            told = "which is no name"
+            told = "which is not a valid name"
         elif part.startswith("."):
-            told = "which is hidden, as the batch's own files are"
+            told = "which is hidden, like the batch's own files"
         elif part.lower() in (*RESULT_FILES, SUMMARY_FILE) or part.lower().endswith(FAILED_SUFFIX):
-            told = "as a file that the batch writes itself"
+            told = "like a file that the batch writes itself"
         elif len(os.fsencode(part)) > _LONGEST:
             told = f"which is longer than {_LONGEST} bytes"
         if told is not None:

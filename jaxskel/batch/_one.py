@@ -89,11 +89,11 @@ def reconstruct_one(
                         raise
                 folder.discard_journal()
             raise ValueError(
-                f"{source.path}: was changed while it was read, and again when that was started over; let it be "
+                f"{source.path}: was changed while it was read, and again at the second attempt; wait until it is "
                 "written, then run again"
             )
     except Timeout:
-        return failed(work, f"{source.path}: another process works on it; wait for that one")
+        return failed(work, f"{source.path}: another process works on it; wait until it has finished")
     except ValueError as error:
         return recorded(folder, failed(work, str(error)))
     except OSError as error:
@@ -103,7 +103,7 @@ def reconstruct_one(
         told = f"{source.path}: out of memory ({error}); give fewer jobs, a coarser spacing or a smaller box"
         return recorded(folder, failed(work, told))
     except Exception as error:  # a defect of this package must not stop the other recordings
-        told = f"{source.path}: {type(error).__name__}: {error}; please report it, {folder.failure.name} says more"
+        told = f"{source.path}: {type(error).__name__}: {error}; please report it, with {folder.failure.name}"
         return recorded(folder, failed(work, told, traceback.format_exc()))
 
 
@@ -142,7 +142,7 @@ def _reconstructed(
         watched = Watched(recording.silhouettes, lambda: on_sign("reading its silhouettes"))
         recording = eqx.tree_at(lambda r: r.silhouettes, recording, watched)
     on_frames(0, len(recording))
-    on_sign("looking whether its views agree")
+    on_sign("checking whether its views agree")
     with _timed(seconds, "check"):
         doubts = doubts_before_work(source.path, recording, method.anyway)
     on_sign("preparing")

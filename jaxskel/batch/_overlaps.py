@@ -51,8 +51,8 @@ def check_overlaps(sources: Sequence[Source], output: Path, subject: Path | None
         same = results.setdefault(own, source)
         if same is not source:
             raise fault(
-                source.path, None, f"its result, {folder.path}, would have the place of that of {same.path}; rename "
-                "one of them",
+                source.path, None, f"its result, {folder.path}, would be in the same place as that of "
+                f"{same.path}; rename one of them",
             )  # fmt: skip
 
 

@@ -66,6 +66,6 @@ def _check_cases(sources: Sequence[Source]) -> None:
         same = found.setdefault(unicodedata.normalize("NFC", source.name).casefold(), source)
         if same is not source:
             raise fault(
-                source.path, None, f"its result, {source.name}, would have the place of {same.name}: this disk takes "
-                "capitals and small letters for the same; rename one of them",
+                source.path, None, f"its result, {source.name}, would be in the same place as {same.name}: this disk "
+                "does not distinguish capitals from small letters; rename one of them",
             )  # fmt: skip

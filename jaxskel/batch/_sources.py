@@ -98,7 +98,7 @@ def _listed(path: Path, lists: tuple[Path, ...]) -> Iterator[Source]:
     try:
         lines = read_bounded(path, _LONGEST_LIST, "a list of recordings").decode("utf-8-sig").splitlines()
     except UnicodeDecodeError:
-        raise ValueError(f"{path}: is no sequence file (.npz), and no list of recordings: it is not text") from None
+        raise ValueError(f"{path}: is neither a sequence file (.npz) nor a list of recordings (not text)") from None
     for line in lines:
         entry = line.partition("#")[0].strip()
         if not entry:

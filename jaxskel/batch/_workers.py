@@ -116,8 +116,8 @@ def work_on(
 def _killed(source: Source, code: int | None) -> str:
     how = f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
     return (
-        f"{source.path}: its process was killed ({how}), perhaps for want of memory: each takes 1 to 2 GB; give fewer "
-        "jobs and run again"
+        f"{source.path}: its process was killed ({how}), perhaps out of memory: each takes 1 to 2 GB; give fewer jobs "
+        "and run again"
     )
 
 

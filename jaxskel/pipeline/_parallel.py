@@ -55,7 +55,7 @@ def reconstruct_parallel(
             yield from _in_order(pool, recording, _stretches(len(recording), jobs, settings), 2 * jobs)
     except BrokenProcessPool:
         raise MemoryError(
-            f"one of {jobs} processes was killed, probably for want of memory: each takes 1 to 2 GB; give fewer jobs"
+            f"one of {jobs} processes was killed, probably out of memory: each takes 1 to 2 GB; give fewer jobs"
         ) from None
 
 

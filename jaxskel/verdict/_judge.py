@@ -91,7 +91,7 @@ def judge(recording: Recording, thorough: bool = False) -> Verdict:
     names = recording.cameras.names
     areas = masks.sum((2, 3)) / cameras.size.prod(1)
     if np.median(areas) > MOST_PERSON:
-        told = "most of every image is person, so the masks are inverted: white is the person"
+        told = "most of every image is person, so the masks are inverted: the person must be white"
         return Verdict((Finding(Severity.HOPELESS, (), told),), None, None, len(chosen))
     scene = make_scene(cameras, masks)
     material = Material(recording.cameras, recording.silhouettes, chosen)
@@ -135,8 +135,8 @@ def _contradictions(scene: Scene, material: Material, steps: list[int], names: t
     tolerant = scene.misfit(misses=scene.misses)
     if tolerant > _HOPELESS:
         told = (
-            "the silhouettes contradict each other everywhere, whichever view is left out: is the calibration that of "
-            "these views, and are they of one moment?"
+            "the silhouettes contradict each other everywhere, whichever view is left out: is the calibration for "
+            "these views, and are they synchronised?"
         )
         return [Finding(Severity.HOPELESS, (), told)]
     if misfit > _POOR:

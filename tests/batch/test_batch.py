@@ -174,7 +174,7 @@ def test_processes_take_no_notice_of_signals_from_their_very_beginning():
 
 
 def test_a_process_that_dies_harms_its_own_recording_only(data, tmp_path):
-    """The first process is killed when it has said its first word, as the system does for want of memory."""
+    """The first process is killed after its first message, as the system does when memory is short."""
     sources = [Source(name, data / f"{name}.npz") for name in ("walk0", "black", "text")]
     killed = None
     found = {}
@@ -187,7 +187,7 @@ def test_a_process_that_dies_harms_its_own_recording_only(data, tmp_path):
             found[event.source.name] = event.manifest
     assert killed == "walk0"
     assert found["walk0"].outcome is Outcome.FAILED
-    assert "walk0.npz: its process was killed (signal 9), perhaps for want of memory" in str(found["walk0"].problem)
+    assert "walk0.npz: its process was killed (signal 9), perhaps out of memory" in str(found["walk0"].problem)
     assert found["black"].outcome is Outcome.NO_POSE
     assert found["text"].outcome is Outcome.FAILED
     assert read_results(tmp_path) == found

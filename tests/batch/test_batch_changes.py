@@ -175,7 +175,7 @@ def test_what_somebody_has_changed_is_set_aside(place):
         assert finished_before(source, output, METHOD) is None
         found = reconstruct_one(source, output, METHOD)
         aside = f"poses.csv.changed{number or ''}"
-        assert found.told.endswith(f"; what had been changed is {aside} now")
+        assert found.told.endswith(f"; changed files were renamed to {aside}")
         assert (output / "walk" / aside).read_text() == f"mine {number}"
         whole[aside] = f"mine {number}".encode()
     now = tree(output / "walk")

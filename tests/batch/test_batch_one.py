@@ -191,7 +191,7 @@ def test_a_defect_of_the_package_is_a_failure_with_a_trace(place, monkeypatch):
     monkeypatch.setattr(one, "prepare", lambda recording, settings: [][0])
     found = reconstruct_one(source, output, METHOD)
     assert found.outcome is Outcome.FAILED
-    assert "IndexError: list index out of range; please report it, walk.failed.json says more" in str(found.problem)
+    assert "IndexError: list index out of range; please report it, with walk.failed.json" in str(found.problem)
     assert "Traceback" in str(found.trace)
 
 
@@ -203,7 +203,7 @@ def test_two_processes_do_not_work_at_one_recording(place, monkeypatch):
     lock.parent.mkdir(parents=True)
     with FileLock(lock):
         found = reconstruct_one(source, output, METHOD, on_sign=signs.append)
-    assert found.problem == f"{source.path}: another process works on it; wait for that one"
+    assert found.problem == f"{source.path}: another process works on it; wait until it has finished"
     assert signs == ["waiting for another process that works on it"]
     assert not batches
     assert not (output / "walk.failed.json").exists()

@@ -65,7 +65,7 @@ def test_a_list_is_relative_to_its_own_place_and_keeps_what_is_not_there(tree):
         (["data/*.mp4"], r"data/\*.mp4: matches nothing; check the pattern"),
         (["data/.old/empty"], "no recording is found"),
         (["data/a/walk.npz", "data/b/walk.npz"], "data/b/walk.npz: its result would be walk, as that of data/a/walk"),
-        (["data/bytes.txt"], "data/bytes.txt: is no sequence file"),
+        (["data/bytes.txt"], "data/bytes.txt: is neither a sequence file"),
         (
             ["data/.nested"],
             "data/.nested/a.npz: its result would be a, a folder that holds that of data/.nested/a/b.npz",

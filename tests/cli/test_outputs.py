@@ -113,7 +113,7 @@ OVERLAPS = [
     (("demo", "-o", "own recording"), THERE),
     (("demo", "-o", "own scene.npz"), THERE),
     (("demo", "-o", "own views.png"), THERE),
-    (("init", "rec"), "is there already"),
+    (("init", "rec"), "exists already"),
 ]  # fmt: skip
 
 
