@@ -1,4 +1,4 @@
-"""Results and inputs that overlap, and files of other people's in the way: refused before anything is touched."""
+"""Results that overlap with inputs or with other people's files are refused before anything is touched."""
 
 import os
 import re
@@ -181,7 +181,7 @@ def test_names_that_a_disk_takes_for_the_same_are_refused_there(world, monkeypat
 
 
 def test_two_results_in_one_place_are_refused(world):
-    """Two folders of the output are one, by a link."""
+    """Two folders of the output are the same folder because of a link."""
     _made(world / "out/real")
     (world / "out/alias").symlink_to("real")
     sources = [Source("real/a", world / "W/walk"), Source("alias/a", world / "W/far")]

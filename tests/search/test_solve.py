@@ -21,7 +21,7 @@ from jaxskel.search._search import _with_pairs, _with_single
 from jaxskel.synthetic import demo_motion
 
 THIN = eqx.tree_at(lambda b: b.radii, BODY, 0.85 * BODY.radii)
-# Some frames are dear and others not, so that legs are searched for in some of them.
+# Some frames cost much and others do not, so that legs are searched for in some of them.
 SEARCH = Search(doubtful=4.5)
 # Of the demo motion at 5 frames a second: two of a walk, waving, a turn, crane stand, crouch, twice hands on hips.
 FRAMES = [7, 9, 18, 35, 43, 50, 55, 57]
@@ -29,7 +29,7 @@ ON_HIPS = slice(6, 8)
 
 
 def farthest(joints: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Of the joints of each frame (m)."""
+    """Errors of the joints of each frame (m)."""
     return np.linalg.norm(joints - other, axis=-1).max(-1)
 
 
@@ -81,7 +81,7 @@ def test_what_is_found_is_a_pose_of_the_skeleton(found):
 
 
 def test_frames_do_not_depend_on_the_others_of_their_chunk(filmed, found):
-    # Dear and cheap ones, in another order, the last one filling up the chunk.
+    # Costly and cheap ones, in another order; the last one is repeated to fill the chunk.
     chosen = [5, 1, 6]
     alone = solve_frames(make_model(BODY), SEARCH, *some((filmed.starts, filmed.fallback, filmed.observed), chosen))
     assert alone.cost.shape == (3, found.cost.shape[1])
@@ -90,8 +90,8 @@ def test_frames_do_not_depend_on_the_others_of_their_chunk(filmed, found):
     assert farthest(joints, expected[chosen]).max() < 1e-3
 
 
-def test_where_starts_lead_nowhere_the_fallback_does(filmed):
-    # Of someone else, 2 m away; the frames in which the person stands on both feet.
+def test_the_fallback_is_used_where_starts_fail(filmed):
+    # Start poses 2 m away from the person; frames in which the person stands on both feet.
     standing = [2, 3, 6, 7]
     starts, fallback, observed = some((filmed.starts, filmed.fallback, filmed.observed), standing)
     away = Pose(starts.root + np.array([2.0, 0.0, 0.0]), starts.rotations)
@@ -102,7 +102,7 @@ def test_where_starts_lead_nowhere_the_fallback_does(filmed):
 
 @pytest.mark.parametrize("names", [("l_arm", "r_arm"), ("l_leg", "r_leg"), ("r_arm",)])
 def test_limbs_that_are_freed_are_found_again(filmed, names):
-    # Wherever they were: here they are all as in the table's first row.
+    # This does not depend on where the limbs were: here all are as in the table's first row.
     model = make_model(BODY)
     wrong = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), filmed.truth)
     for name in names:
@@ -187,7 +187,7 @@ def test_a_step_of_descent_lowers_what_it_linearised(filmed):
 
     for spread in (0.02, 0.05, 0.1, 0.2):
         before, after, turned = step(jnp.asarray(spread * rng.normal(size=len(hinged.unknowns())), jnp.float32))
-        # Most of what a pose that is wrong costs can be taken away.
+        # Most of the cost of a wrong pose can be removed.
         assert float(after) < (0.9 if spread < 0.05 else 0.7) * float(before)
         np.testing.assert_allclose(turned @ turned.swapaxes(1, 2), np.tile(np.eye(3), (17, 1, 1)), atol=1e-5)
 
@@ -196,7 +196,7 @@ def test_a_step_of_descent_lowers_what_it_linearised(filmed):
 
 
 def off(body) -> np.ndarray:
-    """Of the radii (m)."""
+    """Errors of the radii (m)."""
     return np.abs(np.asarray(body.radii) - np.asarray(BODY.radii))
 
 
@@ -226,7 +226,7 @@ def test_calibration_comes_nearer_to_the_true_radii(filmed):
     limbs = [i for i, name in enumerate(BALL_NAMES) if name[2:] in ("elbow", "forearm", "knee", "calf", "hip")]
     assert (off(body)[limbs] < 0.6 * off(THIN)[limbs]).all()
     assert_symmetric(body)
-    # Nothing but flesh changes.
+    # Only the flesh changes.
     np.testing.assert_array_equal(body.segments, BODY.segments)
     np.testing.assert_array_equal(body.links, BODY.links)
     np.testing.assert_array_equal(body.skeleton.rest_joints, ADULT.rest_joints)
