@@ -126,7 +126,7 @@ def test_nothing_of_the_page_is_fetched(page):
     assert "default-src 'none'" in page
     assert "unsafe" not in page
     for words in ("src=", "href=", "@import", "url(", "fetch(", "XMLHttpRequest", "http://", "https://"):
-        # The name of SVG's namespace is no address that anything asks for.
+        # The name of SVG's namespace is not fetched.
         assert words not in page.replace("http://www.w3.org/2000/svg", ""), words
 
 
