@@ -94,7 +94,7 @@ def test_derivative_of_a_body_is_that_of_finite_differences():
 
 
 def deviation(quantity: str, given: dict[str, float]) -> float:
-    """Conditional mean (``mean``) and standard deviation of an unknown, given known deviations of others."""
+    """Standard deviation of an unknown, given the values of others."""
     precision, place = adults_prior(ADULT).precision + 1e-9 * np.eye(93), QUANTITIES.index(quantity)
     free = [i for i, name in enumerate(QUANTITIES) if name not in given]
     return float(np.sqrt(np.linalg.inv(precision[np.ix_(free, free)])[free.index(place), free.index(place)]))

@@ -6,7 +6,7 @@ from support.readers import READERS
 
 
 def outcome(path: Path, reader: str, folder: Path) -> str | None:
-    """The error message of a reader; empty if the files are valid."""
+    """A reader's error message about some files; None if they are valid."""
     try:
         found = READERS[reader].read(path)
         READERS[reader].check(found)

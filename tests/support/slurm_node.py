@@ -51,7 +51,7 @@ PartitionName=all Nodes=node Default=YES DefMemPerCPU=1000 State=UP
 
 
 def reason_to_skip() -> str | None:
-    """The reason why Slurm cannot be started here; empty if it can."""
+    """The reason why Slurm cannot be started here; None if it can."""
     path = f"{os.environ['PATH']}:/usr/sbin:/sbin"  # daemons are not on the path of every shell
     missing = [program for program in PROGRAMS if not shutil.which(program, path=path)]
     if missing:
