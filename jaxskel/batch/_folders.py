@@ -31,7 +31,7 @@ class ResultFolder:
 
     @property
     def path(self) -> Path:
-        """The result."""
+        """The folder of the result."""
         return self.output / self.name
 
     @property

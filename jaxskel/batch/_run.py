@@ -17,7 +17,7 @@ class Shard:
     """One of several equal parts of a batch."""
 
     number: int
-    """From 1."""
+    """Number of the part, from 1."""
     of: int
 
     def __post_init__(self) -> None:

@@ -50,7 +50,7 @@ class Observation(NamedTuple):
     labelled: Labelled | None = None
     """None if nobody is seen, or if it was not asked for."""
     outlines: Outlines | None = None
-    """None likewise."""
+    """None in the same cases."""
 
 
 def observe_batch(

@@ -160,7 +160,7 @@ def _of_views(scene: Scene, culprits: Culprits, cause: Cause | None, names: tupl
     figures = f"{without} the misfit falls from {before:.1f} to {after:.1f} mm"
     if cause is not None:
         guilty = tuple(names[view] for view in cause.views)
-        told = f"{' and '.join(guilty)} {cause.told}; mended, the misfit falls from {before:.1f} to "
+        told = f"{' and '.join(guilty)} {cause.told}; without this fault, the misfit falls from {before:.1f} to "
         told += f"{_millimetres(scene, cause.misfit):.1f} mm"
     else:
         guilty = tuple(names[view] for view in culprits.likely)
