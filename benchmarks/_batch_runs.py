@@ -1,4 +1,4 @@
-"""`jaxskel batch` as its users start it, and the recordings to start it on."""
+"""Starts `jaxskel batch` as users do, and makes recordings for it."""
 
 import os
 import signal
@@ -16,7 +16,7 @@ from jaxskel import default_adult
 from jaxskel.io.recordings import write_recording
 from jaxskel.synthetic import camera_ring, demo_motion, make_scene
 
-_MOTION = 64  # frames of the motion that recordings are cut from
+_MOTION = 64  # length (frames) of the motion that recordings are cut from
 
 
 def film(folder: Path, count: int, frames: int, size: tuple[int, int] = (320, 240)) -> list[Path]:
@@ -39,7 +39,7 @@ def film(folder: Path, count: int, frames: int, size: tuple[int, int] = (320, 24
 
 
 def break_some(paths: list[Path]) -> list[str]:
-    """Break five recordings, each in another way; return their names."""
+    """Break five recordings, each in a different way; return their names."""
     cut, empty, text, black, lone = paths[:: len(paths) // 5][:5]
     cut.write_bytes(cut.read_bytes()[:9000])
     empty.write_bytes(b"")
@@ -59,7 +59,7 @@ def command(inputs: Path, output: Path, *more: str) -> list[str]:
 
 @contextmanager
 def started(*arguments: str, inputs: Path, output: Path) -> Iterator[subprocess.Popen]:
-    """A batch that runs; it is killed if it still does in the end."""
+    """A running batch; it is killed at the end if it still runs."""
     run = subprocess.Popen(
         command(inputs, output, *arguments), stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
     )
@@ -71,14 +71,14 @@ def started(*arguments: str, inputs: Path, output: Path) -> Iterator[subprocess.
 
 
 def timed(inputs: Path, output: Path, *arguments: str) -> tuple[float, int, str]:
-    """Seconds of a batch from start to end, its exit code and its last line."""
+    """Duration of a batch (s), its exit code and its last line."""
     begin = time.perf_counter()
     done = subprocess.run(command(inputs, output, *arguments), capture_output=True, text=True)
     return time.perf_counter() - begin, done.returncode, done.stdout.splitlines()[-1]
 
 
 def family(process: int) -> set[int]:
-    """A process and all that it started, by number."""
+    """Numbers of a process and of all processes that it started."""
     found, parents = {process}, {}
     for folder in Path("/proc").iterdir():
         if folder.name.isdecimal():

@@ -1,4 +1,4 @@
-"""A case that once went wrong: a copy of its folder, commands in it, and what they have to be compared with."""
+"""A case that once went wrong: runs commands in a copy of its folder and compares their results."""
 
 import os
 import shutil
@@ -22,15 +22,15 @@ from jaxskel.io.recordings import write_recording
 from jaxskel.synthetic import camera_ring, make_scene
 
 FPS = 30.0
-"""Of all folders of masks: nothing in them says it."""
-# A command that takes longer (s) is taken to hang: the slowest compiles, a minute on a busy machine.
+"""Of all folders of masks, because nothing in them gives it."""
+# A command that takes longer (s) counts as hanging. The slowest one compiles, which takes a minute on a busy machine.
 _PATIENCE = 240.0
 SOON = 60.0
-"""What is refused is refused within this time (s), start-up on a busy machine included."""
+"""Wrong input must be refused within this time (s), including the start-up on a busy machine."""
 PAPER = ("--preset", "paper")
 WALK = "batch_deletes_input/walk"
 """A recording of two frames that several cases use."""
-# The case whose masks and calibration are as they should be. Others were made of it.
+# The case with correct masks and calibration. Others were made from it.
 _GOOD = "words_clean"
 
 
@@ -45,7 +45,7 @@ class Case:
     path: Path
     """A copy of the case without its README; commands run in it."""
     root: Path
-    """The folder of all cases, as it is."""
+    """The original folder of all cases."""
 
     def beside(self, name: str) -> Path:
         """A copy of what another case holds."""
@@ -72,17 +72,17 @@ class Done:
 
     @property
     def last(self) -> str:
-        """The last line of all that was said, or nothing."""
+        """The last line of the output, or an empty string."""
         return ((self.err or self.out).strip().splitlines() or [""])[-1]
 
 
 def jaxskel(
     case: Case, *arguments: object, seconds: float = _PATIENCE, environment: Mapping[str, str] | None = None
 ) -> Done:
-    """Run `jaxskel` as its users do. A traceback is never right, nor is no end.
+    """Run `jaxskel` as its users do. It must end, and without a traceback.
 
     Raises:
-        NotAsExpected: It does not end, or ends with a traceback.
+        NotAsExpected: It hangs or ends with a traceback.
     """
     command = [sys.executable, "-c", "from jaxskel.cli import main; main()", *map(str, arguments)]
     process = subprocess.Popen(
@@ -103,7 +103,7 @@ def jaxskel(
 
 
 def wanted(holds: object, told: str) -> None:
-    """Go on only where this holds; `told` is what happened."""
+    """Raise `NotAsExpected` with `told`, which says what happened, unless this holds."""
     if not holds:
         raise NotAsExpected(told)
 
@@ -125,7 +125,7 @@ def refused(case: Case, *arguments: object, says: str = "", seconds: float = SOO
 
 
 def listing(folder: Path) -> dict[Path, bytes | str]:
-    """All that a folder holds, to see what a command has done to it."""
+    """The contents of a folder, to see what a command has changed."""
     found: dict[Path, bytes | str] = {}
     for place, folders, files in os.walk(folder):
         for path in (Path(place, name) for name in (*folders, *files)):
@@ -137,7 +137,7 @@ def listing(folder: Path) -> dict[Path, bytes | str]:
 
 
 def copied(source: Path, place: Path) -> None:
-    """Copy a file or folder so that the copy may be written."""
+    """Make a writable copy of a file or folder."""
     if source.is_dir():
         shutil.copytree(source, place, symlinks=True, ignore=shutil.ignore_patterns("README"))
     else:
@@ -149,7 +149,7 @@ def copied(source: Path, place: Path) -> None:
 
 @dataclass(frozen=True)
 class GoodScene:
-    """What most cases were made of, read without `jaxskel init`."""
+    """The scene that most cases were made from, read without `jaxskel init`."""
 
     cameras: Cameras
     masks: Bool[np.ndarray, "F C H W"]
@@ -157,7 +157,7 @@ class GoodScene:
 
 @cache
 def good_scene(root: Path) -> GoodScene:
-    """The scene of a case in which nothing is wrong."""
+    """The scene of the correct case."""
     folder = root / _GOOD
     if not folder.is_dir():
         raise NotAsExpected(f"{_GOOD} is not there to compare with")
@@ -189,6 +189,6 @@ def good_joints(case: Case) -> Float[np.ndarray, "F 15 3"]:
 
 
 Act = Callable[[Case], str]
-"""What a README describes: returns what happened in a few words, or raises `NotAsExpected`."""
+"""Does what a README describes; returns what happened in a few words, or raises `NotAsExpected`."""
 Rows = dict[str, tuple[str, Act]]
-"""Cases by name: what is expected in a few words, and what is done."""
+"""Cases by name: the expected outcome in a few words, and the function to run."""

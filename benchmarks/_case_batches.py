@@ -1,4 +1,4 @@
-"""Cases about what a batch does to files, and how it ends: acted out as their READMEs say."""
+"""Cases about the files and exit codes of a batch, run as their READMEs say."""
 
 import os
 import shutil
@@ -16,7 +16,7 @@ from jaxskel.io.poses import read_poses
 
 
 def _kept(before: dict[Path, bytes | str], case: Case) -> None:
-    """Nothing that was there is gone or changed."""
+    """No existing file has been removed or changed."""
     after = listing(case.path)
     lost = [str(path.relative_to(case.path)) for path, content in before.items() if after.get(path) != content]
     wanted(not lost, f"lost or changed: {', '.join(lost[:3])}")
@@ -65,7 +65,7 @@ def _dev_zero(case: Case) -> str:
 
 
 def _changed(case: Case) -> str:
-    """Other images for the time of the work: told, or poses of the images that the manifest names."""
+    """Images exchanged during the work: must be reported, or the poses are of the images that the manifest names."""
     walk = case.beside(WALK)
     clean = jaxskel(case, "batch", "walk", "-o", "clean", *PAPER)
     wanted(clean.code == 0, clean.last)
@@ -81,7 +81,7 @@ def _changed(case: Case) -> str:
             time.sleep(0.005)
         time.sleep(0.15)
         os.killpg(batch.pid, signal.SIGSTOP)
-        for name in ("cam0", "cam5"):  # of a camera at another place
+        for name in ("cam0", "cam5"):  # images from a camera at another place
             shutil.copytree(walk / "cam7", walk / name, dirs_exist_ok=True)
         os.killpg(batch.pid, signal.SIGCONT)
         time.sleep(3)
@@ -94,7 +94,7 @@ def _changed(case: Case) -> str:
     told = " ".join(said.split())
     if batch.returncode:
         wanted("changed while" in told, f"exit code {batch.returncode}, {said.strip().splitlines()[-1]}")
-    # Where all was read while the images were other ones, the result is theirs, and its manifest says so.
+    # If all was read while the images were exchanged, the result is of the exchanged images, as its manifest says.
     again = jaxskel(case, "batch", "walk", "-o", "O", *PAPER)
     found, right = (read_poses(case.path / place / "walk/poses.npz").joints for place in ("O", "clean"))
     wanted(again.code == 0 and np.array_equal(found, right, equal_nan=True), "poses of other images are kept for good")

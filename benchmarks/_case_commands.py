@@ -1,4 +1,4 @@
-"""Cases about how other commands end: acted out as their READMEs say."""
+"""Cases about the exit codes of other commands, run as their READMEs say."""
 
 import hashlib
 import os

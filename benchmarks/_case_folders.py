@@ -1,4 +1,4 @@
-"""Cases that are folders of masks and a calibration: what `init` makes of them, and what comes of that."""
+"""Cases that are folders of masks and a calibration: the result of `init`, and of commands after it."""
 
 import re
 from collections.abc import Iterable
@@ -11,12 +11,12 @@ from jaxskel import Recording, unpack_silhouettes
 from jaxskel.io.poses import read_poses
 from jaxskel.io.recordings import read_recording
 
-# Joints of the same scene, seen in other pixels, are nearer than this to each other (m).
+# Joints of the same scene, seen in other pixels, differ by less than this (m).
 _NEAR = 0.03
 
 
 def _init(case: Case) -> tuple[str, str]:
-    """What `jaxskel init` writes, and what it says."""
+    """The file that `jaxskel init` writes, and its messages."""
     done = jaxskel(case, "init", ".", "--fps", f"{FPS:g}")
     wanted(done.code == 0, f"init: exit code {done.code}, {done.last}")
     return (case.path / "recording.toml").read_text(encoding="utf-8"), done.out + done.err
@@ -27,7 +27,7 @@ def _uncommented(text: str) -> str:
 
 
 def same_recording(frames: Iterable[int] = (0, 1, 2), says: str = "", writes: str = "") -> Act:
-    """What `init` writes is read as the good scene: silhouettes, cameras and frames are the same.
+    """The folder after `init` is read as the good scene: silhouettes, cameras and frames are the same.
 
     Args:
         frames: The frames' numbers.
@@ -61,7 +61,7 @@ def _check_same(case: Case, recording: Recording, frames: tuple[int, ...]) -> No
 
 
 def told_to_sort(says: str) -> Act:
-    """`init` refuses a layout, says which it is, and writes nothing."""
+    """`init` refuses a layout, names it, and writes nothing."""
 
     def act(case: Case) -> str:
         line = refused(case, "init", ".", "--fps", f"{FPS:g}", says=says)
@@ -72,7 +72,7 @@ def told_to_sort(says: str) -> Act:
 
 
 def _ended(case: Case) -> tuple[str, bool]:
-    """How `check` and `run` end: in words, and whether both told of a doubt."""
+    """How `check` and `run` end: in words, and whether both reported a doubt."""
     check = jaxskel(case, "check", ".", "-o", "check.png")
     found = [line for line in check.out.splitlines() if line.startswith(("doubt: ", "wrong: "))]
     run = jaxskel(case, "run", ".", "-o", "poses", *PAPER)
@@ -83,7 +83,7 @@ def _ended(case: Case) -> tuple[str, bool]:
 
 
 def near_poses(writes: str, *never: str) -> Act:
-    """What `init` writes gives the joints of the good scene.
+    """The folder after `init` gives the joints of the good scene.
 
     Args:
         writes: What must stand in recording.toml.
@@ -96,7 +96,7 @@ def near_poses(writes: str, *never: str) -> Act:
         for key in never:
             wanted(f"{key} =" not in text, f"init writes {key}")
         words, _ = _ended(case)
-        wanted(words == "check 0, run 0", f"{writes}; {words}")  # what is mended is good
+        wanted(words == "check 0, run 0", f"{writes}; {words}")  # after the repair there are no doubts
         median, worst = _away(case)
         told = f"{writes}; {words}; joints {1e3 * median:.0f} mm away, at most {1e3 * worst:.0f}"
         wanted(median < _NEAR, told)
@@ -112,7 +112,7 @@ def _away(case: Case) -> tuple[float, float]:
     turned = re.search(r"turn = (\d+)", (case.path / "recording.toml").read_text(encoding="utf-8"))
     if turned is None:
         turn, shift = aligned(found.cameras, good)
-    else:  # these cameras are turned against the good ones, in the same world
+    else:  # these cameras are rotated relative to the good ones, in the same world
         turn, shift = np.eye(3), np.zeros(3)
     distances = np.linalg.norm(poses.joints - (good_joints(case) @ turn.T + shift), axis=-1)
     wanted(np.isfinite(distances).all(), "not every frame has a pose")
@@ -128,7 +128,7 @@ def _mirrored(case: Case) -> str:
 
 
 def _turned(case: Case) -> str:
-    """Mended by `init`; where somebody takes its `turn` out, `check` and `run` tell."""
+    """`init` repairs it; if its `turn` is removed, `check` and `run` report the fault."""
     told = near_poses("turn = 180")(case)
     path = case.path / "recording.toml"
     path.write_text(re.sub(r"^turn = .*$", "", path.read_text(encoding="utf-8"), flags=re.MULTILINE), encoding="utf-8")

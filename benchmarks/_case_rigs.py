@@ -1,4 +1,4 @@
-"""Cases that are calibrations of other tools: all of the same rig, that of the good scene."""
+"""Cases that are calibrations of other tools, all for the rig of the good scene."""
 
 import os
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from _case import Act, Case, NotAsExpected, Rows, good_scene, wanted
 from jaxskel import Cameras
 from jaxskel.io.calibrations import choose_views, read_calibration
 
-# Files have 12 digits and more; what is not the same rig is off by much more (m, px).
+# Files have 12 digits or more; other rigs differ by much more than this (m, px).
 _SAME = 1e-6
 
 
@@ -21,7 +21,7 @@ def aligned(cameras: Cameras, good: Cameras) -> tuple[np.ndarray, np.ndarray]:
 
 
 def difference(cameras: Cameras, good: Cameras, same_world: bool = True) -> float:
-    """How far two rigs are from being the same (m, px): the greatest difference of all their numbers."""
+    """Largest difference between the numbers of two rigs (m, px)."""
     turn, shift = (np.eye(3), np.zeros(3)) if same_world else aligned(cameras, good)
     pairs = [(cameras.K, good.K), (cameras.size, good.size), (cameras.dist, good.dist)]
     pairs += [(cameras.R @ turn, good.R), (cameras.R @ shift + cameras.t, good.t)]
@@ -29,7 +29,7 @@ def difference(cameras: Cameras, good: Cameras, same_world: bool = True) -> floa
 
 
 def meeting(cameras: Cameras) -> float:
-    """How far the optical axes pass by the point that is nearest to all of them (m, the farthest)."""
+    """Largest distance (m) of the optical axes from the point that is nearest to all of them."""
     across = np.eye(3) - np.einsum("ci,cj->cij", cameras.R[:, 2], cameras.R[:, 2])
     point = np.linalg.solve(across.sum(0), np.einsum("cij,cj->i", across, cameras.centres))
     return float(np.linalg.norm(np.einsum("cij,cj->ci", across, point - cameras.centres), axis=1).max())
@@ -49,7 +49,7 @@ def same_rig(
         files: Paths in the case.
         unit: Metres per unit, where the format has none.
         sizes: Names of the cameras whose image sizes must be given.
-        as_format: What it must be taken for.
+        as_format: Format that must be detected.
         only: The cameras that the file has; all by default.
         same_world: Whether the world is that of the good scene; otherwise that of the first camera.
     """

@@ -1,4 +1,4 @@
-"""Under which conditions a recording is reconstructed: the options that the benchmarks share."""
+"""Conditions under which a recording is reconstructed: options shared by the benchmarks."""
 
 import argparse
 from dataclasses import dataclass
@@ -11,14 +11,14 @@ from jaxskel import Recording
 
 @dataclass(frozen=True)
 class Condition:
-    """What is done to a recording before it is reconstructed. By default nothing."""
+    """Changes made to a recording before it is reconstructed. By default none."""
 
     cameras: tuple[int, ...] | None = None
     """Indices of the cameras used; None is all of them."""
     dirty: int | None = None
     """Seed of the dirty masks; None leaves the silhouettes as they are."""
     bones: float = 0.0
-    """By which share each bone length is off."""
+    """Error of each bone length, as a share of it."""
     seed: int = 0
     """Seed of the wrong bone lengths."""
     step: int = 1
@@ -38,7 +38,7 @@ class Condition:
 
 
 def disturbed(recording: Recording, condition: Condition) -> Recording:
-    """The recording under a condition. Frames and cameras are chosen first, so that nothing is spent on the others."""
+    """The recording under a condition. Frames and cameras are chosen first, to save time."""
     if condition.step > 1:
         fewer = recording[:: condition.step]
         recording = eqx.tree_at(lambda r: r.fps, fewer, recording.fps / condition.step)

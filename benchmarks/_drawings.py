@@ -1,6 +1,6 @@
 """Figures 3 and 4(a) of Straka et al. (BMVC 2011), our presets side by side.
 
-A set is the sequences of one folder taken as one; figures have a row of panels for each set.
+A set is all sequences of one folder, pooled; figures have a row of panels for each set.
 """
 
 from collections.abc import Mapping
@@ -39,7 +39,7 @@ def draw_boxplots(totals: Mapping[str, Mapping[str, Score]], path: Path) -> None
         width = 0.8 / len(by_preset)
         for i, (preset, score) in enumerate(by_preset.items()):
             distances = 1e3 * score.distances[score.has_pose]
-            # A joint that is missing from a pose is infinitely far, which no box can show.
+            # A missing joint has an infinite distance, which a box cannot show.
             shown = [column[np.isfinite(column)] for column in distances.T]
             places = np.arange(len(JOINT_NAMES)) + (i - (len(by_preset) - 1) / 2) * width
             lost = int((~score.has_pose).sum())
@@ -78,7 +78,7 @@ def draw_thresholds(totals: Mapping[str, Mapping[str, Score]], path: Path) -> No
         row[0].set_ylabel("frames (%)")
     for axes in rows[-1]:
         axes.set_xlabel("threshold (mm)")
-    # The panels are read by the same colours.
+    # All panels use the same colours.
     handles, labels = rows[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside right center", fontsize=8, title="left solid,\nright dashed")
     _save(figure, path)
@@ -104,7 +104,7 @@ def _draw_curves(axes: Axes, score: Score) -> None:
 
 
 def joint_distance(run: Run, joint: str = "l_hand") -> tuple[Int[np.ndarray, " known"], Float[np.ndarray, " known"]]:
-    """How far a joint is from the truth over the frames whose truth is known.
+    """Distance of a joint from the truth in the frames whose truth is known.
 
     Returns:
         The number of each frame in the material, and the distances (m), NaN without a pose.
@@ -116,7 +116,7 @@ def joint_distance(run: Run, joint: str = "l_hand") -> tuple[Int[np.ndarray, " k
 
 
 def jumpy_interval(wrong: Bool[np.ndarray, " frames"], length: int) -> slice:
-    """The first stretch of `length` frames that goes from right to wrong or back most often; all frames if fewer."""
+    """The first stretch of `length` frames with the most changes between right and wrong; all frames if fewer."""
     length = min(length, len(wrong))
     before = np.concatenate([[0], np.cumsum(wrong[1:] != wrong[:-1])])  # jumps up to each frame
     start = int(np.argmax(before[length - 1 :] - before[: len(before) - length + 1]))

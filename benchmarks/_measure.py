@@ -1,4 +1,4 @@
-"""Times of contenders for the same work, taken in turns, so that a busy machine is as busy for each of them."""
+"""Times contenders for the same work in turns, so that the load of the machine affects all of them equally."""
 
 import json
 import time
@@ -14,19 +14,19 @@ _TURN = 0.1  # s
 
 @dataclass(frozen=True)
 class Contender:
-    """Somebody's way to do the work of a stage."""
+    """An implementation of the work of a stage, ours or another library's."""
 
     name: str
     run: Callable[[], Any]
     frames: int
-    """That one call does."""
+    """Frames that one call processes."""
     required: float | None = None
-    """How many times as long as we it should take; None for ourselves."""
+    """Least ratio of its time to ours that is wanted; None for ours."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """A contender's time, or any other number that is wanted of a stage."""
+    """A contender's time, or another measured number of a stage."""
 
     stage: str
     name: str
@@ -35,13 +35,13 @@ class Row:
     ratio: float | None = None
     """Its time relative to ours."""
     required: float | None = None
-    """Least ratio, or for a number by itself its bound."""
+    """Least ratio, or the bound of a number."""
     largest: bool = False
-    """The bound is an upper one."""
+    """Whether the bound is an upper one."""
 
     @property
     def met(self) -> bool | None:
-        """Whether the bound holds; None where there is none."""
+        """Whether the bound holds; None if there is none."""
         if self.required is None:
             return None
         number = self.value if self.ratio is None else self.ratio
@@ -57,10 +57,10 @@ class Report:
     rows: list[Row] = field(default_factory=list)
 
     def race(self, stage: str, contenders: Sequence[Contender], repeat: int) -> list[Any]:
-        """Run contenders in turns, the first of them ours; medians. Returns what each gave.
+        """Run contenders in turns, ours first, and record medians. Returns the result of each.
 
-        A turn lasts a tenth of a second at least, of as many runs as that takes: what comes after somebody else's turn
-        finds none of its data in the caches, and of a short run that would be most of what is measured.
+        A turn is repeated runs for at least a tenth of a second: after another contender's turn the caches hold other
+        data, which would dominate the time of a single short run.
         """
         results = [contender.run() for contender in contenders]  # compiles, and warms up
         times = np.empty((repeat, len(contenders)))
@@ -78,7 +78,7 @@ class Report:
         return results
 
     def add(self, row: Row) -> None:
-        """Take in a row, and say so."""
+        """Add a row and print it."""
         self.rows.append(row)
         print(as_line(row), flush=True)
 
@@ -100,13 +100,13 @@ def as_line(row: Row) -> str:
     return f"| {row.stage} | {row.name} | {row.value:.3g} {row.unit} | {ratio} | {bound} |"
 
 
-# A ratio, which hardly depends on the machine, may fall by this share; times by twice as much; errors may rise by so
-# much.
+# Largest relative change for the worse, by kind. Ratios hardly depend on the machine; frames per second do, so their
+# tolerance is twice as large.
 _TOLERANCES = {"ratio": 0.15, "frames/s": 0.3, "mm": 0.05, "MB": 0.2, "s": 0.5}
 
 
 def regressions(report: Report, baseline: Path) -> list[str]:
-    """What is worse than in a stored run, by more than its tolerance."""
+    """The rows that are worse than in a stored run by more than their tolerance."""
     before = {(row["stage"], row["name"]): row for row in json.loads(baseline.read_text())["rows"]}
     found = []
     for row in report.rows:

@@ -1,4 +1,4 @@
-"""What others would do for carving and for skeletal graphs: peers of these stages, as a user would call them."""
+"""Peers for carving and skeletal graphs: other libraries, called as a user would call them."""
 
 from collections.abc import Callable
 from typing import Any
@@ -16,7 +16,7 @@ _NEIGHBOURS = np.ones((3, 3, 3), bool)
 
 
 def numpy_gather(masks: np.ndarray, table: ProjectionTable) -> Run:
-    """One look-up for each voxel, camera and frame, by index tables made beforehand."""
+    """One look-up for each voxel, camera and frame, in precomputed index tables."""
     pixels, observed = np.asarray(table.pixels), np.asarray(table.observed)
 
     def run() -> np.ndarray:
@@ -73,7 +73,7 @@ def numba_early_exit(masks: np.ndarray, table: ProjectionTable) -> Run:
 
 
 def open3d_carving(masks: np.ndarray, table: ProjectionTable, cameras: Cameras) -> Run:
-    """`VoxelGrid.carve_silhouette`, camera by camera. It tests the corners of voxels, another rule than the centre."""
+    """`VoxelGrid.carve_silhouette`, camera by camera. It tests the corners of voxels, not their centres."""
     import open3d as o3d  # pyright: ignore[reportMissingImports]
 
     grid, (height, width) = table.grid, table.size
@@ -104,10 +104,10 @@ def open3d_carving(masks: np.ndarray, table: ProjectionTable, cameras: Cameras) 
 
 
 def simple_scooping(hulls: VisualHulls, roots: np.ndarray) -> Run:
-    """Voxel scooping as its description reads: frame by frame, cluster by cluster, balls and `scipy.ndimage`."""
+    """Voxel scooping as published: frame by frame, cluster by cluster, with balls and `scipy.ndimage`."""
 
     def scooped(occupied: np.ndarray, root: np.ndarray) -> list[np.ndarray]:
-        # A margin of one voxel, so that no neighbour is outside.
+        # A margin of one voxel, so that all neighbours are inside the array.
         low = np.argwhere(occupied).min(0) - 1
         free = np.pad(occupied[tuple(slice(a + 1, None) for a in low)], 1)
         seed = tuple(root - low)
@@ -166,7 +166,7 @@ def skimage_thinning(hulls: VisualHulls) -> Run:
 
 
 def kimimaro_skeletons(hulls: VisualHulls) -> Run:
-    """TEASAR, with the scale and constant of its own description turned to a body in voxels."""
+    """TEASAR, with the published scale and constant adapted to a body in voxels."""
     import kimimaro  # pyright: ignore[reportMissingImports]
 
     volumes = [volume.astype(np.uint8) for volume in _cropped(hulls)]

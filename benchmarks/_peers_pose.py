@@ -1,4 +1,4 @@
-"""What others would do for DTW costs and for the constrained least squares: peers of these stages."""
+"""Peers for DTW costs and for the constrained least squares: other libraries."""
 
 from collections.abc import Callable
 
@@ -15,7 +15,7 @@ from jaxskel.refinement.terms import Objective, Observed, place
 
 
 def dtaidistance_matrices(ends: EndNodes, template: np.ndarray) -> Callable[[], list[np.ndarray]]:
-    """Its C library's matrix of distances, one call a frame: rows of D against rows of D'."""
+    """The distance matrix of its C library, one call per frame: rows of D against rows of D'."""
     from dtaidistance import dtw
 
     frames = [
@@ -44,7 +44,7 @@ def scipy_refinement(
     rounds: int,
     ftol: float,
 ) -> Callable[[], np.ndarray]:
-    """MINPACK's Levenberg-Marquardt, frame by frame, residual and Jacobian jitted; gives what each frame costs."""
+    """MINPACK's Levenberg-Marquardt, frame by frame, residual and Jacobian jitted; returns the cost of each frame."""
 
     def residual(unknowns: jax.Array, base: Pose, frame: Observed, fixed: dict) -> jax.Array:
         body = place(skeleton, parametrisation.retract(unknowns, base, skeleton))
@@ -59,7 +59,7 @@ def scipy_refinement(
     def one(pose: Pose, frame: Observed) -> float:
         for _ in range(rounds):
             args = pose, frame, correspond(pose, frame)
-            # Millimetres, and no less of the cost than ours.
+            # Tolerance in millimetres, and a cost tolerance not smaller than ours.
             solution = least_squares(
                 lambda u, args=args: np.asarray(value(u.astype(np.float32), *args), float),
                 zeros,

@@ -1,4 +1,4 @@
-"""The ways to reconstruct that tables and figures compare, by the names that they use."""
+"""The presets that tables and figures compare, with their names."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,12 +8,12 @@ from jaxskel import Settings, Tracking, paper_settings
 
 @dataclass(frozen=True)
 class Preset:
-    """A way to reconstruct."""
+    """A way to reconstruct, with its names."""
 
     name: str
-    """On the command line, in file names, in figures."""
+    """Name on the command line, in file names and in figures."""
     title: str
-    """Above its column."""
+    """Heading of its column."""
     settings: Callable[[], Settings]
 
 

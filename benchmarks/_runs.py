@@ -1,4 +1,4 @@
-"""What a preset makes of a sequence file, kept on disk, so that a benchmark that is cut off goes on where it was."""
+"""Results of presets on sequence files, stored on disk, so that an interrupted benchmark can be resumed."""
 
 import hashlib
 import json
@@ -18,11 +18,11 @@ from jaxskel.io.files import read_arrays
 from jaxskel.poses import Score, score
 
 _NEWS_EVERY = 30.0
-"""Seconds between two lines of progress: short runs stay quiet, a log of a whole night can still be read."""
+"""Seconds between two lines of progress: short runs print none, and the log of a whole night stays readable."""
 
 
 CODE = digest_of_code()[:12]
-"""Digest of the package's source, taken at once, because it may be edited while a benchmark runs."""
+"""Digest of the package's source, computed at the start, because it may be edited while a benchmark runs."""
 
 
 class Run(eqx.Module):
@@ -36,11 +36,11 @@ class Run(eqx.Module):
     frame_index: Int[np.ndarray, " frames"]
     """Number of each frame in the material."""
     code: str
-    """The `CODE` that reconstructed."""
+    """The `CODE` of the version that reconstructed it."""
 
 
 def reconstruct_run(recording: Recording, settings: Settings, label: str) -> Run:
-    """Reconstruct a recording with a truth, telling now and then how far it is."""
+    """Reconstruct a recording with a truth, printing progress at intervals."""
     if recording.truth is None:
         raise ValueError(f"{recording.name}: key 'joints': there is no ground truth to score against")
     prepared = prepare(recording, settings)
@@ -51,7 +51,7 @@ def reconstruct_run(recording: Recording, settings: Settings, label: str) -> Run
         done += len(part)
         now = time.perf_counter()
         if len(parts) == 1:
-            first = told = now  # the first batch compiles and tells nothing of the others
+            first = told = now  # the first batch compiles, so it does not show the speed of the others
         elif now - told > _NEWS_EVERY:
             told, rate = now, (done - len(parts[0])) / (now - first)
             left = (len(recording) - done) / rate / 60
@@ -67,7 +67,7 @@ def score_run(run: Run) -> Score:
 
 
 def made_from(sequence: Path, condition: Condition, settings: Settings) -> dict[str, str]:
-    """What a run is made from: two runs of one file name that differ in any of it must not meet in one table."""
+    """Everything a run is made from. Runs of one file name that differ in it must not be mixed in a table."""
     try:
         with zipfile.ZipFile(sequence) as archive:  # checksums of the arrays, without reading them
             arrays = sorted((info.filename, info.file_size, info.CRC) for info in archive.infolist())
@@ -81,7 +81,7 @@ def made_from(sequence: Path, condition: Condition, settings: Settings) -> dict[
 
 
 def write_run(path: Path, run: Run, source: dict[str, str]) -> None:
-    """Keep a run, with what it is `made_from`; a write that is broken off leaves no file behind."""
+    """Store a run and what it was `made_from`; an interrupted write leaves no file behind."""
     with written_whole(path) as file:
         np.savez_compressed(
             file, joints=run.joints, truth=run.truth, has_pose=run.has_pose, frame_index=run.frame_index,
@@ -93,7 +93,7 @@ def read_run(path: Path, source: dict[str, str]) -> Run:
     """Read a run back.
 
     Raises:
-        ValueError: It was made from something else than `source`, or the file is damaged.
+        ValueError: It was not made from `source`, or the file is damaged.
     """
     arrays = read_arrays(path, ("joints", "truth", "has_pose", "frame_index", "code", "made_from"), ())
     kept = json.loads(str(arrays["made_from"]))

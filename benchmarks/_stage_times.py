@@ -1,4 +1,4 @@
-"""How long each stage takes on a recording, after start-up."""
+"""Time of each stage on a recording, after start-up."""
 
 import time
 

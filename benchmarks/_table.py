@@ -1,4 +1,4 @@
-"""Table 1 of Straka et al. (BMVC 2011): its own numbers, and the same numbers of our presets beside them."""
+"""Table 1 of Straka et al. (BMVC 2011): the paper's numbers, with those of our presets beside them."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -108,7 +108,7 @@ def _groups(stems: list[str]) -> list[tuple[str, list[str]]]:
 
 
 def _totals(stems: list[str], scores: Scores, presets: Sequence[Preset]) -> list[str]:
-    """All sequences of a set as one: counts as in the paper's last row, and what else a score tells."""
+    """All sequences of a set pooled: counts as in the paper's last row, and the other figures of a score."""
     lines = [
         "| all sequences | frames | no pose | right foot | left foot | right hand | left hand | head "
         "| all 15 within 100 mm | median (mm) |",

@@ -1,4 +1,4 @@
-"""The whole pipeline from masks in memory, in processes of its own: frames per second, memory, accuracy, start-up."""
+"""The whole pipeline from masks in memory, in separate processes: frames per second, memory, accuracy, start-up."""
 
 import resource
 import subprocess
@@ -21,10 +21,10 @@ from jaxskel.pipeline._reconstruct import BATCH
 
 
 class Throughput(NamedTuple):
-    """What processes did, side by side."""
+    """Results of processes that ran at the same time."""
 
     frames_per_second: float
-    """Of all together."""
+    """Frames per second of all processes together."""
     megabytes: float
     """Largest resident set of one process."""
     median_mm: float
@@ -32,7 +32,7 @@ class Throughput(NamedTuple):
 
 
 def throughput(path: Path, preset: str, processes: int, seconds: float) -> Throughput:
-    """Reconstruct a sequence again and again for some time in processes by spawn, each on a core of its own."""
+    """Reconstruct a sequence repeatedly for some time in spawned processes, each on its own core."""
     context = get_context("spawn")
     barrier, queue = context.Barrier(processes), context.Queue()
     workers = [
@@ -69,20 +69,20 @@ def _work(path: Path, preset: str, number: int, seconds: float, barrier: Any, qu
 
 
 def _largest_resident_set() -> float:
-    """Of this process (MB)."""
+    """Largest resident set of this process (MB)."""
     status = Path("/proc/self/status")
-    if status.exists():  # `getrusage` would count that of the process that started this one
+    if status.exists():  # `getrusage` would include the process that started this one
         line = next(line for line in status.read_text().splitlines() if line.startswith("VmHWM"))
         return float(line.split()[1]) / 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def _whole_batches(recording: Recording) -> Recording:
-    """Without the frames of a last batch that is not full: they would cost as much as a full one."""
+    """Without the frames of an incomplete last batch, which would take as long as a full one."""
     return recording[: max(BATCH, len(recording) // BATCH * BATCH)]
 
 
-# `jaxskel run` itself, which tells when its first batch of poses is there, and goes no further.
+# `jaxskel run`, changed to report its first batch of poses and then stop.
 _FIRST_POSE = """
 import os, sys
 from jaxskel.cli import _progress, main
@@ -97,7 +97,7 @@ main()
 
 
 def start_up(path: Path, options: Sequence[str], repeat: int = 3) -> float:
-    """Seconds from the start of `jaxskel run` to its first batch of poses, what it compiles kept from runs before."""
+    """Seconds from the start of `jaxskel run` to its first batch of poses, with compiled code of earlier runs."""
     times = []
     for _ in range(1 + repeat):
         start = time.perf_counter()

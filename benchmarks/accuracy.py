@@ -7,8 +7,8 @@
     python benchmarks/accuracy.py SEQUENCE.npz ... --preset tracked           as with `jaxskel run --track`
 
 Prints the table of notebooks/accuracy.md, and how reliable the confidence of joints is. Every file is reconstructed by
-the defaults of `jaxskel run`. Errors are
-given with sides counted / with swaps forgiven; frames per second leave out the preparation of a file and compilation.
+the defaults of `jaxskel run`. Errors are given with sides counted / with swaps forgiven; frames per second leave out
+the preparation of a file and compilation.
 Pin the process to one core (`taskset -c 0`) to measure what one core does.
 """
 
@@ -80,7 +80,7 @@ def row(name: str, result: Score, frames_per_second: float) -> str:
 
 
 def reliability(confidence: Float[np.ndarray, " joints"], right: Bool[np.ndarray, " joints"]) -> str:
-    """A table: of the joints with so much confidence, how many are right?"""
+    """A table: for each range of confidence, the share of joints that are right."""
     lines = ["| confidence | share of the joints | within 100 mm |", "|---|---|---|"]
     for low, high in itertools.pairwise(CONFIDENCES):
         chosen = (confidence >= low) & ((confidence < high) | (high == CONFIDENCES[-1]))
@@ -93,7 +93,7 @@ def score_files(paths: list[Path], condition: Condition, settings: Settings) -> 
     """Reconstruct and score files under a condition; print a row for each, one for all, and the reliability.
 
     Returns:
-        The score of each file by its name, and of all taken as one.
+        The score of each file by its name, and of all files pooled.
     """
     results: dict[str, Score] = {}
     frames, seconds = 0, 0.0

@@ -2,12 +2,12 @@
 
     python benchmarks/adults.py SEQUENCE.npz ...
 
-Each sequence file shows another person, whose dimensions and joints are known. Where the flesh of `make_body` sits
-around these joints is found in the way in which `calibrate_body` does it. Means, common deviations and the rest of each
-quantity go to `jaxskel/body/adults.csv`.
+Each sequence file shows a different person, whose dimensions and joints are known. The position of the flesh of
+`make_body` around these joints is found as `calibrate_body` does it. Means, principal components and residual
+deviations of each quantity are written to `jaxskel/body/adults.csv`.
 
-The table of the package is of 160 bodies of MakeHuman (`benchmarks/makehuman.py`), each in 16 moments of one clip of
-the CMU database: 01_01, 02_05, 05_02, 13_18 and 16_11 in turn, those that all settings were chosen on.
+The package's table was made from 160 bodies of MakeHuman (`benchmarks/makehuman.py`), each in 16 frames of one clip of
+the CMU database: 01_01, 02_05, 05_02, 13_18 and 16_11 in turn, the clips that all settings were chosen on.
 """
 
 import argparse
@@ -40,11 +40,11 @@ from jaxskel.body_calibration import bundle_adjust
 
 AXES = 40
 LEFT_OUT = ("fingertip", "fingers front", "fingers out", "palm ", "finger ")
-"""Of hands only the way to the palm counts: people open and close them."""
+"""Of hands only the length to the palm counts, because people open and close their hands."""
 _STEPS = 25
-# Flesh may be anywhere (m), and fingers point any way (tangent of an angle); lengths and the middle are what they are.
+# Wide priors for flesh (m) and for the direction of fingers (tangent of an angle); lengths and the middle are fixed.
 _ANYWHERE, _ANY_WAY, _FIXED = 0.03, 5.0, 1e-5
-# Frames with a joint farther from where it is (m) show nothing.
+# Frames in which a joint is farther than this from its known place (m) are left out.
 _WRONG = 0.15
 
 
@@ -73,7 +73,7 @@ def measured(path: Path) -> Float[np.ndarray, " quantities"]:
 
 
 def _known_lengths(skeleton: Skeleton, template: Skeleton) -> Prior:
-    """Lengths are what they are, flesh may be anywhere."""
+    """A prior with fixed lengths and nearly free flesh."""
     lengths = np.log(lengths_of(skeleton) / lengths_of(template))
     deviations = np.full(len(QUANTITIES), _ANYWHERE)
     for place, quantity in enumerate(QUANTITIES):
@@ -85,7 +85,7 @@ def _known_lengths(skeleton: Skeleton, template: Skeleton) -> Prior:
 
 
 def table(vectors: Float[np.ndarray, "bodies quantities"]) -> str:
-    """Means, common deviations and the rest, a line for each quantity."""
+    """Means, principal components and residual deviations, a line for each quantity."""
     varied = vectors.std(0) > 1e-9
     rows = [i for i, name in enumerate(QUANTITIES) if varied[i] and not name.startswith(LEFT_OUT)]
     chosen = vectors[:, rows]
@@ -112,7 +112,7 @@ def main() -> None:
     )
     arguments = parser.parse_args()
     vectors = []
-    # A process has one core: threads of NumPy would wait for each other there.
+    # Each process has one core, where several threads of NumPy would only wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     processes, context = os.cpu_count() or 1, get_context("spawn")
     cores = context.Queue()

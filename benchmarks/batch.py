@@ -1,10 +1,10 @@
-"""What `jaxskel batch` withstands, what a second process brings, and the memory of a long recording.
+"""Measures `jaxskel batch`: recovery after kills, gain from a second process, and memory on a long recording.
 
     python benchmarks/batch.py survive WORK [--recordings 200] [--kills 10]
     python benchmarks/batch.py throughput WORK [--recordings 120] [--repeat 3]
     python benchmarks/batch.py memory WORK LONG.npz
 
-WORK is a folder for recordings and results. Options after ``--`` go to the batch, ``-- --preset paper`` for instance.
+WORK is a folder for recordings and results. Options after ``--`` are passed to the batch: ``-- --preset paper``.
 """
 
 import argparse
@@ -23,7 +23,7 @@ from jaxskel.batch._manifest import read_manifest
 
 
 def survive(work: Path, recordings: int, kills: int, options: list[str]) -> bool:
-    """Kill a batch again and again; in the end all is as if it never had been."""
+    """Kill a batch repeatedly; in the end the results must be as if it had never been killed."""
     data = work / "data"
     shutil.rmtree(data, ignore_errors=True)
     broken = break_some(film(data, recordings, 12))
@@ -36,7 +36,7 @@ def survive(work: Path, recordings: int, kills: int, options: list[str]) -> bool
     twice = 0
     for number in range(kills):
         with started(*options, inputs=data, output=killed):
-            # From before the first recording to a good part of all.
+            # Kill times from before the first recording until many recordings are done.
             time.sleep(chance.uniform(0.1, 1.8 * seconds / kills))
         now = {path.parent.name: path.read_bytes() for path in killed.glob("*/manifest.json")}
         twice += sum(now.get(name) != content for name, content in finished.items())
@@ -71,7 +71,7 @@ def throughput(work: Path, recordings: int, repeat: int, options: list[str]) -> 
 
 
 def memory(work: Path, recording: Path, options: list[str]) -> None:
-    """A kill early on and what is lost by it, then resident memory as frames go by: medians over a thousand each."""
+    """The loss by an early kill, then resident memory over time: medians over a thousand frames each."""
     out = work / "long"
     shutil.rmtree(out, ignore_errors=True)
     rows = out / f".{recording.stem}.part" / "journal" / "rows.bin"
@@ -82,7 +82,7 @@ def memory(work: Path, recording: Path, options: list[str]) -> None:
         return rows.stat().st_size // ROW_BYTES if rows.exists() else 0
 
     def watch(until: int) -> int:
-        """Frames done when it ends."""
+        """Number of frames done when it ends."""
         told, last = 0, 0
         used: list[tuple[int, int]] = []
         with started("--jobs", "1", *options, inputs=recording, output=out) as run:
@@ -119,7 +119,7 @@ def _same(one: Path, other: Path) -> bool:
 
 
 def main() -> None:
-    """Run one of the three."""
+    """Run one of the three measurements."""
     own, options = sys.argv[1:], []
     if "--" in own:
         own, options = own[: own.index("--")], own[own.index("--") + 1 :]

@@ -2,10 +2,10 @@
 
     python benchmarks/calibration.py SEQUENCE.npz ... [--off 0.08] [--frames 60]
 
-Each file is calibrated twice, started from the default adult of a stature that is too tall and too short by a share,
-and reconstructed with the body found and, once, with the known dimensions, by the defaults of `jaxskel run`: medians
-of the distances of all joints from the truth. Bone lengths count without the tips of head, fingers and toes. Prints
-Markdown tables.
+Each file is calibrated twice, from a default adult that is too tall and one that is too short by a share. It is
+reconstructed with each body found and, once, with the known dimensions, by the defaults of `jaxskel run`. Prints
+Markdown tables with the errors of bone lengths, without the tips of head, fingers and toes, and the median distance of
+all joints from the truth.
 """
 
 import argparse
@@ -25,11 +25,11 @@ from jaxskel.poses.metrics import join_scores
 COLUMNS = ("sequence", "start", "worst bone", "second worst", "known dimensions", "calibrated", "seconds")
 HEADER = f"| {' | '.join(COLUMNS)} |\n{'|---' * len(COLUMNS)}|"
 BONES = ("trunk", "neck", "shoulder", "upper_arm", "forearm", "hip", "thigh", "shank")
-_ENDS = (0, 1, 2, 3, 4, 8, 9, 10)  # of left and right the left one
+_ENDS = (0, 1, 2, 3, 4, 8, 9, 10)  # the left one of both sides
 
 
 def reconstructed(recording: Recording, found: CalibratedBody) -> Score:
-    """Score with a body that was found."""
+    """Score with a calibrated body."""
     known = eqx.tree_at(lambda r: r.skeleton, recording, found.skeleton)
     return score_against_truth(reconstruct(known, Settings(body=found.body)), recording)
 

@@ -1,15 +1,15 @@
-"""Extrinsics from silhouettes alone: are wrong cameras put right?
+"""Extrinsics from silhouettes alone: are wrong cameras corrected?
 
     python benchmarks/cameras.py SEQUENCE.npz ... [--seeds 3]
     python benchmarks/cameras.py FOLDER
 
-A sequence file's calibration is the truth. For each seed every camera is turned by half a degree about an axis drawn at
-random and moved by 10 mm in a direction drawn at random. Printed are the angles between each camera and its truth,
-before and after, the two rigs brought upon each other by the best similarity.
+A sequence file's calibration is the truth. For each seed every camera is rotated by half a degree about a random axis
+and moved by 10 mm in a random direction. Prints the angle of each camera to its truth before and after refinement,
+with the rigs aligned by the best similarity.
 
 A folder holds `calibration.npz` (K, R, t; `R_refined`, `t_refined` if there are better ones to compare with) and one or
 more `masks_*.npz` (for each camera NAME its packed masks and NAME_shape: frames, height, width). Cameras are refined on
-frames of the first of these. Printed is how well hull and silhouettes agree in frames that were not used: see
+frames of the first of these. Prints how well hull and silhouettes agree in frames that were not used: see
 `drawn_agreement`.
 """
 
@@ -30,7 +30,7 @@ TURN, SHIFT = np.radians(0.5), 0.010  # rad, m
 _SPACING = 0.017
 """Edge of a voxel (m) for `drawn_agreement`."""
 _HELD_OUT = 12
-"""So many frames are compared, spread over those that were not used."""
+"""Number of frames compared, spread over those that were not used."""
 
 
 def perturbed(cameras: Cameras, seed: int, turn: float = TURN, shift: float = SHIFT) -> Cameras:
@@ -47,9 +47,9 @@ def perturbed(cameras: Cameras, seed: int, turn: float = TURN, shift: float = SH
 def drawn_agreement(recording: Recording, frames: Int[np.ndarray, " some"]) -> float:
     """Agreement of hulls and silhouettes: intersection over union, the mean over frames and views.
 
-    The hull is carved of all views in voxels of 17 mm. The centres of its voxels are drawn into each view, and the gaps
-    between them are closed, by a square of twice a voxel's size there; what is drawn so lacks half a voxel around, so
-    that even a perfect rig stays below 1.
+    The hull is carved from all views in voxels of 17 mm. The centres of its voxels are drawn into each view, and gaps
+    are closed by a square of twice a voxel's size in that view. The drawing lacks half a voxel all around, so that even
+    a perfect rig stays below 1.
     """
     cameras, silhouettes = recording.cameras, np.asarray(recording.silhouettes[frames])
     empty_views = find_empty_views(silhouette_areas(silhouettes), cameras)

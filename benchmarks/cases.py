@@ -1,11 +1,10 @@
-"""Cases that once went wrong: what is expected of each, and what happens now.
+"""Repeats cases that once went wrong, and compares the outcome with what is expected.
 
     python benchmarks/cases.py CASES [NAME ...]
 
-CASES is a folder of folders, each with a README that says what should happen and the files that it takes. A copy of
-each is made in a temporary folder, what the README says is done there, by the commands of jaxskel, and a line is
-printed: name, ok or NOT ok, what was expected, what happened. NAME chooses cases. Exit code 1 if any is not ok, and
-a case that this script does not know is not.
+CASES is a folder of folders, each with the files of a case and a README that says what should happen. Each is copied to
+a temporary folder, where the commands of jaxskel in its README are run. Then a line is printed: name, ok or NOT ok,
+what was expected, what happened. NAME chooses cases. Exit code 1 if any is not ok; an unknown case is not ok.
 """
 
 import argparse
@@ -27,14 +26,14 @@ def _unknown(case: Case) -> str:
 
 
 def tried(root: Path, name: str, act: Act, place: Path) -> tuple[bool, str]:
-    """Do what a case is about; whether it went as expected, and what happened."""
+    """Run a case; return whether it went as expected, and what happened."""
     case = Case(place / name, root)
     copied(root / name, case.path)
     try:
         return True, act(case)
     except NotAsExpected as error:
         return False, str(error)
-    except Exception as error:  # whatever it is, the other cases go on
+    except Exception as error:  # after any error, the other cases still run
         return False, f"{type(error).__name__}: {error}"
 
 

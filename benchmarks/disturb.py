@@ -1,8 +1,8 @@
-"""What goes wrong in a real capture, done to a recording on purpose: fewer cameras, dirty masks, a mismeasured subject.
+"""Simulates faults of real captures: fewer cameras, dirty masks, a mismeasured subject.
 
-Each function takes a recording and returns a new one; the truth stays. What is random is drawn from the seed, the
-recording's name and, for masks, the frame's number: the same frame is disturbed alike whichever frames are chosen
-with it, and two recordings are disturbed differently.
+Each function takes a recording and returns a new one; the truth stays. Random numbers depend on the seed, the
+recording's name and, for masks, the frame's number. So a frame is disturbed in the same way whichever other frames are
+chosen, and two recordings are disturbed differently.
 """
 
 import zlib
@@ -17,7 +17,7 @@ from jaxskel import JOINT_NAMES, JOINT_PARENTS, Recording, make_skeleton, pack_s
 from jaxskel.body import MIRROR_JOINTS, TIP_PARENTS
 
 EDGE_SHIFT = 2
-"""An outline is off by at most this (px)."""
+"""Largest error of an outline (px)."""
 DISC_RADIUS = 20
 """Radius of a hole in, or of a blob beside, the person (px)."""
 DISCS = 2
@@ -28,7 +28,7 @@ _RAG_LENGTH = 4
 
 
 def with_cameras(recording: Recording, indices: Sequence[int]) -> Recording:
-    """The recording as seen by some of its cameras only, in the order given."""
+    """The recording with only some of its cameras, in the given order."""
     count = len(recording.cameras)
     outside = [i for i in indices if not 0 <= i < count]
     if outside or not indices or len(set(indices)) < len(indices):
@@ -42,7 +42,7 @@ def with_cameras(recording: Recording, indices: Sequence[int]) -> Recording:
 
 
 def with_dirty_masks(recording: Recording, seed: int) -> Recording:
-    """The recording with silhouettes as a poor segmentation gives them.
+    """The recording with silhouettes like those of a poor segmentation.
 
     In each view of each frame the outline is off by up to `EDGE_SHIFT` ([`rough_edges`][]) and `DISCS` discs are cut
     out or added ([`holes_and_blobs`][]). In each frame one camera, drawn anew, sees nothing at all.
@@ -67,7 +67,7 @@ def rough_edges(mask: Bool[np.ndarray, "h w"], rng: np.random.Generator) -> Bool
     radius = int(rng.integers(-EDGE_SHIFT, EDGE_SHIFT + 1))
     if not rows.size:
         return mask.copy()
-    # All that can change lies within the shift of the person; one pixel more shows the background around it.
+    # Only pixels within the shift of the person can change; one more pixel includes the background around it.
     margin = EDGE_SHIFT + 1
     window = (
         slice(max(rows[0] - margin, 0), rows[-1] + margin + 1),
@@ -77,7 +77,7 @@ def rough_edges(mask: Bool[np.ndarray, "h w"], rng: np.random.Generator) -> Bool
     coarse = rng.uniform(-1, 1, [n // _RAG_LENGTH + 2 for n in near.shape])
     ragged = cv2.resize(coarse, near.shape[::-1], interpolation=cv2.INTER_LINEAR)
     shift = np.clip(np.rint(radius + ragged), -EDGE_SHIFT, EDGE_SHIFT)
-    # In a window of one kind only the other kind is nowhere, hence far away.
+    # In a window with pixels of one kind only, the other kind counts as far away.
     to_other = np.where(near, _distance_to_zero(near), _distance_to_zero(~near))
     moved = to_other <= np.abs(shift) + 1e-3
     result = mask.copy()
@@ -90,7 +90,7 @@ def _distance_to_zero(mask: np.ndarray) -> np.ndarray:
 
 
 def holes_and_blobs(mask: Bool[np.ndarray, "h w"], rng: np.random.Generator) -> Bool[np.ndarray, "h w"]:
-    """Cut out or add `DISCS` discs of `DISC_RADIUS`, hole or blob by the toss of a coin.
+    """Cut out or add `DISCS` discs of `DISC_RADIUS`, hole or blob at random.
 
     A hole is centred on the person, a blob at most `_BLOB_REACH` away from a point of the person in u and in v.
     Without a person there is neither.
@@ -108,14 +108,15 @@ def holes_and_blobs(mask: Bool[np.ndarray, "h w"], rng: np.random.Generator) -> 
 
 
 def with_wrong_bones(recording: Recording, share: float, seed: int) -> Recording:
-    """The recording with a template whose every bone is too long or too short by a share, by the toss of a coin.
+    """The recording with a template whose bones are each too long or too short by a share, at random.
 
-    Left and right get the same. A tip keeps to the bone that ends in its joint: with a forearm, the hand is longer.
+    Left and right get the same factor. A tip gets the factor of the bone that ends in its joint: with a longer forearm,
+    the hand is longer.
 
     Args:
         recording: With the subject's dimensions.
-        share: By how much each length is off, as a share of it: 0.05 gives factors of 0.95 and 1.05.
-        seed: Of the coins.
+        share: Error of each length, as a share of it: 0.05 gives factors of 0.95 and 1.05.
+        seed: Seed of the random choices.
     """
     if recording.skeleton is None:
         raise ValueError(f"{recording.name}: key 'rest_joints': there are no known bone lengths to disturb")

@@ -4,9 +4,9 @@ r"""The paper's Table 1, Figure 3 and Figure 4(a) over sequence files with groun
     python benchmarks/figures.py full/*.npz --output FOLDER --presets paper --interval 300:700
 
 The sequences of one folder are one set: a section of the table, a row of the figures. A file stem such as 13_18_male
-tells the clip, hence the paper's numbers for it, and the body. Writes `table1.md`, `table1.json`, `boxplots.png`
-(Figure 3a), `threshold.png` (Figure 3b), and, if clip 13_18 is given, `hand_distance.png` (Figure 4a: its most finely
-sampled file). The poses of every finished file are kept below FOLDER/runs: a benchmark that is cut off goes on there.
+gives the clip, hence the paper's numbers for it, and the body. Writes `table1.md`, `table1.json`, `boxplots.png`
+(Figure 3a), `threshold.png` (Figure 3b), and, if clip 13_18 is given, `hand_distance.png` (Figure 4a, from its longest
+file). The poses of every finished file are kept in FOLDER/runs, so that an interrupted benchmark can be resumed.
 
 Files are read one at a time, but each as a whole, because the grid is laid around all of its frames.
 """
@@ -27,10 +27,10 @@ from jaxskel.poses.metrics import join_scores
 _HAND_CLIP = "13_18"
 """The sequence of Figure 4(a)."""
 _HAND_FRAMES = 400
-"""The paper does not tell its interval; of so many frames each can still be seen in a picture of 1500 px."""
+"""Length of the interval (frames), which the paper does not give: each frame is visible in a picture of 1500 px."""
 
 Runs = dict[str, dict[str, dict[str, Run]]]
-"""By set, preset and file stem."""
+"""Runs by set, preset and file stem."""
 
 
 def sets_of(paths: list[Path]) -> dict[str, dict[str, Path]]:
@@ -45,14 +45,14 @@ def sets_of(paths: list[Path]) -> dict[str, dict[str, Path]]:
 
 
 def run_all(sets: dict[str, dict[str, Path]], presets: list[Preset], condition: Condition, folder: Path) -> Runs:
-    """Reconstruct what is not yet kept below the folder, and read the rest.
+    """Reconstruct files whose poses are not yet stored in the folder, and read the others.
 
     Raises:
-        ValueError: What is kept was made from other files, under another condition or by other settings.
+        ValueError: Stored poses were made from other files, under another condition or with other settings.
     """
     runs: Runs = {name: {preset.name: {} for preset in presets} for name in sets}
     missing: dict[tuple[str, str], list[tuple[Preset, dict[str, str], Path]]] = {}
-    # All that is kept is read first, so that a fault is told before hours of work.
+    # Stored poses are read first, so that a fault is reported before hours of work.
     for name, files in sets.items():
         for stem, path in files.items():
             for preset in presets:

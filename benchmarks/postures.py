@@ -1,9 +1,9 @@
-"""Postures that are hard for a hull, each where it shows most in some sequence files, with the skeleton drawn on it.
+"""Draws the skeleton on the most extreme frame, among some sequence files, of each posture that is hard for a hull.
 
     python benchmarks/postures.py SEQUENCE.npz ... --output postures.png
 
-For each posture the truth tells in which frame of all files it shows most. That frame is reconstructed by the defaults
-of `jaxskel run`, by itself, the body calibrated on frames spread over its file. The picture shows two views of each.
+For each posture the frame in which it is most pronounced is found from the truth. It is reconstructed alone by the
+defaults of `jaxskel run`, with the body calibrated on frames spread over its file. The picture shows two views of each.
 """
 
 import argparse
@@ -28,7 +28,7 @@ from jaxskel import (
 from jaxskel._runtime.picture_files import write_image
 from jaxskel.visualization import draw_silhouette, draw_skeleton, tile
 
-_MARGIN = 0.15  # around the person, as a share of the longer side of what is shown
+_MARGIN = 0.15  # margin around the person, as a share of the longer side of the cut-out
 
 Joints = dict[str, Float[np.ndarray, "frames 3"]]
 """True joints by name (m), z up."""
@@ -70,7 +70,7 @@ POSTURES: dict[str, Callable[[Joints], Float[np.ndarray, " frames"]]] = {
     "jump": lambda at: np.minimum(at["l_foot"][:, 2], at["r_foot"][:, 2]),
     "hands above the head": lambda at: np.minimum(at["l_hand"][:, 2], at["r_hand"][:, 2]) - at["head"][:, 2],
 }
-"""How much each posture shows in some frames; only differences matter."""
+"""Functions that measure how pronounced each posture is in some frames; only differences matter."""
 
 
 def true_joints(path: Path) -> Joints:
@@ -82,13 +82,13 @@ def true_joints(path: Path) -> Joints:
 
 
 def single_frame(recording: Recording, frame: int) -> Poses:
-    """Reconstruct one frame of a recording, the subject known from all of it."""
+    """Reconstruct one frame of a recording, with the subject calibrated on the whole recording."""
     prepared = prepare(recording, Settings())
     return join_poses(reconstruct_batches(recording[frame : frame + 1], Settings(), prepared))
 
 
 def drawn(recording: Recording, frame: int, poses: Poses) -> list[np.ndarray]:
-    """The two views that see most of the person, cut out, with the skeleton."""
+    """Cut-outs of the two views that show most of the person, with the skeleton."""
     masks = unpack_silhouettes(recording.silhouettes[frame], int(recording.cameras.size[0, 0]))
     pictures = []
     for view in np.argsort(-masks.sum((1, 2)))[[0, 2]]:

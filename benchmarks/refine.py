@@ -1,11 +1,11 @@
-"""Refinement alone on one sequence file: a solve again with other weights and another term, and a whole sequence.
+"""Times the refinement alone on one sequence file: a repeated solve, other weights, a custom term, a whole sequence.
 
     taskset -c 0 python benchmarks/refine.py SEQUENCE.npz [--frames 300] [--repeat 5]
 
-For the paper's objective and the default one: milliseconds a frame, medians over the repetitions, of the first frames
-of the file refined each by itself again, from where they were, with new weights and a new custom term; then of all
-frames refined jointly, coupled by `Smoothness`, for which they must follow each other closely. Pin the process to one
-core, as above, to measure what one core does.
+For the paper's objective and the default one, prints milliseconds per frame, medians over the repetitions. First, the
+first frames of the file are refined one by one, again from their results, with new weights and a new custom term. Then
+all frames are refined jointly, coupled by `Smoothness`, which requires consecutive frames. Pin the process to one core,
+as above, to measure a single core.
 """
 
 import argparse
@@ -32,13 +32,13 @@ from jaxskel.refinement.solvers import default_solver, sequence_solver
 from jaxskel.refinement.terms import Smoothness, from_function
 
 ALONE = 64
-# Poses that were refined before are near their goals: two looks at the correspondences will do.
+# Poses refined before are near their goals, so two look-ups of correspondences suffice.
 _ROUNDS = 2
 TRACES = []
 
 
 def reach(body, observed, hand, target):
-    """A custom term: a hand is drawn to a point."""
+    """A custom term that attracts a hand to a point."""
     count()
     return (body.joints[5] * hand + body.joints[8] * (1 - hand)) - target
 
@@ -67,7 +67,7 @@ def main() -> None:
 
 
 def alone(name: str, problem: RefinementProblem, settings: Settings, repeat: int) -> None:
-    """Frames by themselves: first from the start, then again from there."""
+    """Single frames: first from the start poses, then again from the results."""
     count = min(ALONE, len(problem.frames))
     initial, observed = jax.tree.map(lambda a: a[:count], (problem.initial, problem.observed))
     objective = settings.refinement.objective_for(problem.body).plus(

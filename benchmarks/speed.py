@@ -2,8 +2,8 @@
 
     taskset -c 0 python benchmarks/speed.py SEQUENCE.npz [--repeat 5]
 
-Prints the table of notebooks/speed.md: milliseconds a frame and frames per second, medians over the repetitions.
-Pin the process to one core, as above, to measure what one core does.
+Prints the table of notebooks/speed.md: milliseconds per frame and frames per second, medians over the repetitions.
+Pin the process to one core, as above, to measure a single core.
 """
 
 import argparse

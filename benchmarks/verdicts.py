@@ -1,10 +1,10 @@
-"""What `jaxskel check` says of recordings as they are, and spoilt in many ways.
+"""Verdicts of `jaxskel check` on recordings as they are, and with faults added in many ways.
 
 python benchmarks/verdicts.py FILES... [--spoilt]
 
-A line for each: misfit, severity, views and cause. Without `--spoilt` the recordings are taken as good ones: the script
-ends with 1 if the verdict on one of them is that nothing can come of it. With it, a view in the middle of the rig (or
-all views) is spoilt in turn, and the script counts how many are found with the view and a word of the cause.
+Prints a line for each: misfit, severity, views and cause. Without `--spoilt` the recordings are assumed to be good: the
+exit code is 1 if one of them is judged hopeless. With it, faults are added in turn to a view in the middle of the rig
+(or to all views), and the script counts how many are found with the right view and cause.
 """
 
 import argparse
@@ -22,7 +22,7 @@ from jaxskel import Recording, pack_silhouettes, unpack_silhouettes
 from jaxskel.io.recordings import read_recording
 from jaxskel.verdict import Verdict, judge
 
-# Frames that are kept of a film: the script holds all of them in memory, unpacked.
+# Number of frames used of a film, because the script holds all of them in memory, unpacked.
 _FRAMES = 40
 
 
@@ -72,7 +72,7 @@ Spoil = tuple[Callable[[Recording], Recording], str, bool]
 
 
 def spoils(recording: Recording, guilty: int) -> dict[str, Spoil]:
-    """Ways to spoil it: how, a word of the cause, and whether the guilty view is to be named."""
+    """The faults to add: a function, a word of the cause, and whether the guilty view must be named."""
     height = int(recording.cameras.size[guilty, 1])
     other = next(
         (c for c in range(len(recording.cameras))

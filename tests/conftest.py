@@ -36,12 +36,12 @@ def compiled_only_to_run_once(request: pytest.FixtureRequest):
     jax.config.update("jax_disable_most_optimizations", False)
 
 
-# Of the 65530 mappings that Linux allows a process. The rest is for the tests of one more file.
+# Linux allows a process 65530 mappings. The difference is reserved for the tests of one more file.
 MOST_MAPPINGS = 25_000
 
 
 def mappings() -> int:
-    """Of this process; where the system does not tell, as many as may be."""
+    """Number of mappings of this process; the largest allowed number if the system does not report it."""
     try:
         return Path("/proc/self/maps").read_bytes().count(b"\n")
     except OSError:
@@ -50,9 +50,9 @@ def mappings() -> int:
 
 @pytest.fixture(autouse=True, scope="module")
 def no_more_programs_than_a_process_may_hold():
-    """A compiled function maps pages of its own; a suite that keeps thousands meets the kernel's limit and aborts.
+    """Every compiled function maps memory pages; with thousands of them, the suite would reach the kernel's limit.
 
-    Until then the next file finds compiled what it shares with those before.
+    Below the limit they are kept, so that files can share compiled functions.
     """
     yield
     if mappings() < MOST_MAPPINGS:

@@ -1,4 +1,4 @@
-"""Many recordings: results that are whole or not there, and that are not computed twice."""
+"""Reconstructs many recordings. A result is either complete or absent, and is not computed twice."""
 
 from ._folders import ResultFolder as ResultFolder
 from ._manifest import Manifest as Manifest

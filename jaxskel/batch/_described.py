@@ -1,4 +1,4 @@
-"""Settings as plain data, the same in every process, to be written down and compared."""
+"""Settings as plain data, the same in every process, to be stored and compared."""
 
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -9,7 +9,7 @@ import numpy as np
 
 
 def described(value: Any) -> Any:
-    """A value as JSON holds it; modules by their class and fields, functions and classes by their names."""
+    """A value as JSON data: a Module by its class and fields, functions and classes by their names."""
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if isinstance(value, np.ndarray | np.generic | jax.Array):
@@ -27,6 +27,6 @@ def described(value: Any) -> Any:
 
 
 def _name(value: Any) -> str:
-    # What is of this package is named without its place: it may move, and is still the same.
+    # Names of this package leave out the module, because a definition that moves stays the same.
     ours = value.__module__.partition(".")[0] == __name__.partition(".")[0]
     return value.__qualname__ if ours else f"{value.__module__}.{value.__qualname__}"

@@ -1,4 +1,4 @@
-"""What a kill or a loss of power leaves of files."""
+"""File operations that are safe against killed processes and loss of power."""
 
 import os
 import re
@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def remove_unfinished(path: Path) -> None:
-    """Remove what processes that were killed while they wrote this file whole have left beside it."""
+    """Remove temporary files of this file that killed processes have left beside it."""
     left = re.compile(rf"\.{re.escape(path.name)}\.\d+\.part")
     with suppress(FileNotFoundError):
         for file in path.parent.iterdir():
@@ -16,15 +16,15 @@ def remove_unfinished(path: Path) -> None:
 
 
 def to_disk(path: Path) -> None:
-    """Wait until a file, or the names in a folder, would outlast a loss of power."""
+    """Wait until a file, or the names in a folder, are safe against a loss of power."""
     folder = path.is_dir()
-    if folder and os.name == "nt":  # which cannot open folders
+    if folder and os.name == "nt":  # Windows cannot open folders
         return
     opened = os.open(path, os.O_RDONLY if folder else os.O_RDWR)
     try:
         os.fsync(opened)
     except OSError:
-        if not folder:  # some network disks cannot, of a folder
+        if not folder:  # some network disks cannot sync folders
             raise
     finally:
         os.close(opened)

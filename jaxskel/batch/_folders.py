@@ -1,4 +1,4 @@
-"""Where a recording's result is, and how it gets there: whole, and without harm to anything else."""
+"""The folder of a recording's result: a result is put there as a whole, and no other file is harmed."""
 
 import os
 from contextlib import suppress
@@ -18,12 +18,12 @@ from ._names import FAILED_SUFFIX, MANIFEST_FILE, POSES_FILES, RESULT_FILES, loc
 
 @dataclass(frozen=True)
 class ResultFolder:
-    """The place of one recording's result.
+    """The folder of one recording's result.
 
-    A new result is written into a hidden folder beside its place, its manifest last. Then the old manifest is removed,
-    the poses take their places one by one, and the new manifest comes last. So a folder with a manifest holds a whole
-    result; and a kill at any moment leaves the old result, or a new one that only has to be put in its place, or poses
-    to go on with. What else is in the folder is not touched.
+    A new result is first written into a hidden folder beside it, the manifest last. Then the old manifest is removed,
+    the poses are moved into the folder one by one, and the new manifest is moved last. So a folder with a manifest
+    holds a complete result. A kill at any moment leaves the old result, or a new one that only has to be moved, or
+    poses to continue from. Other files in the folder are not touched.
     """
 
     output: Path
@@ -31,7 +31,7 @@ class ResultFolder:
 
     @property
     def path(self) -> Path:
-        """The result."""
+        """The folder of the result."""
         return self.output / self.name
 
     @property
@@ -41,42 +41,42 @@ class ResultFolder:
 
     @property
     def failure(self) -> Path:
-        """Why there is no result."""
+        """The file that says why there is no result."""
         return self.path.with_name(self.path.name + FAILED_SUFFIX)
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """All that is written outside of hidden folders."""
+        """All files that are written outside hidden folders."""
         return *(self.path / name for name in RESULT_FILES), self.failure
 
     @property
     def written(self) -> tuple[Path, ...]:
-        """The folders that files are made in, but for the output itself."""
+        """The folders in which files are created, except the output itself."""
         return *self._above, self.lock.parent, self._unfinished, self._unfinished / "journal"
 
     def finished(self) -> Manifest | None:
-        """The manifest of a whole result, of whatever work."""
+        """The manifest of a complete result, whatever it was made from; None if there is none."""
         manifest = _readable(self.path)
         if manifest is None or manifest.outcome is Outcome.FAILED:
             return None
         return manifest if not self._unknown(manifest) and all(self._there(name) for name in POSES_FILES) else None
 
     def check(self) -> None:
-        """Refuse a place where something is in the way, before anything is written.
+        """Refuse, before anything is written, a place where something is in the way.
 
         Raises:
             ValueError: One line that names what is in the way.
         """
         for folder in self.written:
             if os.path.lexists(folder) and not folder.is_dir():
-                raise fault(folder, None, "is no folder, but in the way of one; move it away")
-        # Whoever works in them would work somewhere else.
+                raise fault(folder, None, "is not a folder, but a folder is needed here; move it away")
+        # Files written through a link would be somewhere else.
         for folder in (self.path, self._unfinished, self._unfinished / "journal"):
             if folder.is_symlink():
-                raise fault(folder, None, "is a link, but a result has a folder of its own; move it away")
+                raise fault(folder, None, "is a link, but a result needs its own folder; move it away")
         if self.path.exists() and self.path.stat().st_dev != self.path.parent.stat().st_dev:
-            raise fault(self.path, None, "is a disk of its own, into which no file can be moved; choose another output")
-        # Where there is a manifest, files that it does not tell of are set aside and not replaced.
+            raise fault(self.path, None, "is a separate disk, so files cannot be moved into it; choose another output")
+        # If there is a manifest, files that it does not list are renamed, not replaced.
         is_pose_file = _is_own if _readable(self.path) is None else Path.is_file
         checks = dict.fromkeys(POSES_FILES, is_pose_file) | {MANIFEST_FILE: is_manifest}
         for file, is_own in ((self.failure, is_manifest), *((self.path / name, own) for name, own in checks.items())):
@@ -87,25 +87,25 @@ class ResultFolder:
                 )  # fmt: skip
 
     def journal(self, work: str, request: str) -> Journal:
-        """Poses of earlier attempts at the same work, to go on with, or an empty one."""
+        """The journal with the poses of earlier attempts at the same work, or an empty one."""
         return Journal(self._unfinished / "journal", work, request)
 
     def discard_journal(self) -> None:
-        """Throw away what earlier attempts have left to go on with."""
+        """Delete the poses of earlier attempts."""
         discard_journal(self._unfinished / "journal")
 
     def finish(self, poses: Poses, manifest: Manifest) -> Manifest:
-        """Write a result and put it in its place; return its manifest, as it was written."""
+        """Write a result and move it into its folder; return its manifest as written."""
         folder = self._unfinished
         (folder / MANIFEST_FILE).unlink(missing_ok=True)
         for file in write_poses(folder, poses):
             to_disk(file)
         aside = self._set_aside()
         notes = [manifest.note] if manifest.note else []
-        notes += [f"what had been changed is {', '.join(file.name for file in aside)} now"] if aside else []
+        notes += [f"changed files were renamed to {', '.join(file.name for file in aside)}"] if aside else []
         results = read_inputs({name: folder / name for name in POSES_FILES})
         manifest = replace(manifest, results=results, note="; ".join(notes))
-        # The manifest is last: with it, the result is whole.
+        # The manifest is written last, because it marks the result as complete.
         write_manifest(folder / MANIFEST_FILE, manifest)
         to_disk(folder / MANIFEST_FILE)
         to_disk(folder)
@@ -114,17 +114,17 @@ class ResultFolder:
         return manifest
 
     def fail(self, manifest: Manifest) -> None:
-        """Say why there is no result; an older result stays, and so does what is done of the new one."""
+        """Write why there is no result; an older result stays, and so do finished parts of the new one."""
         if is_manifest(self.failure) or not os.path.lexists(self.failure):
             write_manifest(self.failure, manifest)
 
     def forget_failure(self) -> None:
-        """What went wrong before is over."""
+        """Remove the record of an earlier failure."""
         if is_manifest(self.failure):
             self.failure.unlink()
 
     def take_place(self) -> None:
-        """Put a result that is whole in its place: for `finish`, or after a kill in the midst of it.
+        """Move a complete result into its folder: for `finish`, or after it was killed half-way.
 
         Raises:
             ValueError: Something is in the way.
@@ -132,7 +132,7 @@ class ResultFolder:
         if self._is_ready():
             self.check()
             self._set_aside()
-            # What led to it is not needed any more.
+            # The journal is no longer needed.
             self.discard_journal()
             for name in RESULT_FILES:
                 remove_unfinished(self._unfinished / name)
@@ -143,12 +143,12 @@ class ResultFolder:
                 if (self._unfinished / name).exists():
                     os.replace(self._unfinished / name, self.path / name)
             to_disk(self.path)
-        with suppress(OSError):  # there is something to go on with, or something else
+        with suppress(OSError):  # it is not there, or not empty
             self._unfinished.rmdir()
 
     @property
     def _above(self) -> list[Path]:
-        """The result's folder, and those above it that the batch makes."""
+        """The result's folder, and those above it that the batch creates."""
         return [self.path, *list(self.path.parents)[: self.name.count("/")]]
 
     @property
@@ -159,7 +159,7 @@ class ResultFolder:
         return (self.path / name).is_file()
 
     def _is_ready(self) -> bool:
-        """Whether a new result is whole, beside its place or on the way into it."""
+        """Whether a new result is complete: still in the hidden folder, or partly moved."""
         manifest = _readable(self._unfinished)
         if manifest is None or manifest.outcome is Outcome.FAILED:
             return False
@@ -168,13 +168,13 @@ class ResultFolder:
         return all(name in waiting or self._holds(name, arrived.get(name)) for name in POSES_FILES)
 
     def _holds(self, name: str, known: Input | None) -> bool:
-        """Whether a file in the result's folder is the one that a manifest tells of."""
+        """Whether a file in the result's folder is the one that the manifest lists."""
         if known is None or not self._there(name):
             return False
         return read_inputs({name: self.path / name}, {name: known})[name].sha256 == known.sha256
 
     def _unknown(self, manifest: Manifest) -> list[str]:
-        """Files with the names of a result's which are none, or not the one that its manifest tells of."""
+        """Files with the names of poses that are not poses, or not those that the manifest lists."""
         unknown = []
         for name in POSES_FILES:
             file = self.path / name
@@ -187,7 +187,7 @@ class ResultFolder:
         return unknown
 
     def _set_aside(self) -> list[Path]:
-        """Rename poses that are not those of the old manifest: somebody has changed them. Where they are now."""
+        """Rename poses that somebody has changed since the old manifest was written; return the new paths."""
         manifest, aside = _readable(self.path), []
         for name in self._unknown(manifest) if manifest is not None else ():
             places = (self.path / f"{name}.changed{number or ''}" for number in range(1000))
@@ -197,7 +197,7 @@ class ResultFolder:
 
 
 def _is_own(file: Path) -> bool:
-    """Whether a file with the name of poses holds poses; a recording is somebody's, whatever else is in it."""
+    """Whether a file with the name of poses holds poses. A recording does not count, even if it has poses in it."""
     return not file.is_symlink() and is_ours(file) and not (file.suffix == ".npz" and holds_silhouettes(file))
 
 

@@ -1,4 +1,4 @@
-"""Files as they were when they were read, to know whether they are still the same."""
+"""Records the state of input files when they are read, to detect later changes."""
 
 import hashlib
 import os
@@ -8,19 +8,19 @@ from pathlib import Path
 
 from ..io.files import fault, open_regular
 
-# Read at once (bytes); after each, whoever waits is told that it goes on.
+# Bytes read at once; progress is reported after each block.
 _BLOCK = 1 << 22
 
 
 @dataclass(frozen=True)
 class Input:
-    """A file, or a folder of files, as it was when it was read."""
+    """State of a file, or of a folder of files, when it was read."""
 
     bytes: int
     stamp: str
-    """Of names, sizes and times: as long as it is the same, so is the content."""
+    """Digest of names, sizes and times: if it is the same, the contents are taken to be the same."""
     sha256: str
-    """Of names and contents."""
+    """Digest of names and contents."""
 
 
 def read_inputs(
@@ -28,15 +28,15 @@ def read_inputs(
     known: Mapping[str, Input] | None = None,
     on_block: Callable[[], None] = lambda: None,
 ) -> dict[str, Input]:
-    """What files are like now.
+    """The current state of files.
 
     Args:
-        paths: The files, and folders of files, each under a name.
-        known: What they were like before: where names, sizes and times are those, contents are not read again.
-        on_block: Called again and again while contents are read.
+        paths: The files, and folders of files, by name.
+        known: Their earlier state: if names, sizes and times are the same, contents are not read again.
+        on_block: Called repeatedly while contents are read.
 
     Raises:
-        ValueError: A file is no regular file, or cannot be opened.
+        ValueError: A file is not a regular file, or cannot be opened.
         OSError: A folder or a file cannot be read.
     """
     found = {}
@@ -49,20 +49,20 @@ def read_inputs(
 
 
 def same_contents(one: Mapping[str, Input], other: Mapping[str, Input]) -> bool:
-    """Whether two sets of files hold the same under the same names."""
+    """Whether two sets of files have the same names and contents."""
     return {name: each.sha256 for name, each in one.items()} == {name: each.sha256 for name, each in other.items()}
 
 
 def moment(paths: Mapping[str, Path]) -> str:
-    """A name for the state of files and folders that is another one after any change, even one that is undone.
+    """A digest of the state of files and folders that differs after any change, even one that was undone.
 
-    Besides names, sizes and times of contents it is made of the times at which a file was last touched in any way,
-    renamed for instance: those nobody can set. A folder has them too, for what came and went in it.
+    Besides names, sizes and modification times it uses the times of the last status change (ctime), which also change
+    when a file is renamed and cannot be set by the user. That of a folder shows files that were added or removed.
     """
     digest = hashlib.sha256()
     for name, path in sorted(paths.items()):
         files = _files(path)
-        # A link may lead somewhere else for a while.
+        # The state of the link itself counts too, because it may have pointed somewhere else for a while.
         for each in (path, *([path.resolve()] if path.is_symlink() else []), *files):
             state = os.lstat(each) if each is path else os.stat(each)
             told = f"{name}\0{each.name}\0{state.st_size}\0{state.st_mtime_ns}\0{state.st_ctime_ns}\0"
@@ -97,7 +97,7 @@ def _digest(path: Path, on_block: Callable[[], None]) -> str:
         while block := file.read(_BLOCK):
             on_block()
             left -= len(block)
-            if left < 0:  # it may grow for ever
+            if left < 0:  # it may grow without end
                 raise fault(path, None, "grows while it is read; wait until it is written, then run again")
             digest.update(block)
     return digest.hexdigest()

@@ -1,4 +1,4 @@
-"""What a result was made of, by what, and what became of it: `manifest.json`."""
+"""`manifest.json`: the inputs, method and outcome of a result."""
 
 import json
 import socket
@@ -18,15 +18,15 @@ from ..poses import Poses
 from ._inputs import Input, same_contents
 from ._older_manifests import modern_method, modern_version
 
-# A result depends on these too, but a new release of one of them is no reason to compute it again.
+# Versions of these are recorded. A result depends on them too, but a new release is no reason to compute it again.
 _LIBRARIES = ("jax", "jaxlib", "optimistix", "equinox", "numpy", "scipy", "opencv-python-headless")
 _MAX_BYTES = 10_000_000
-# How the JSON of a manifest begins, by which a damaged one is told from other people's files.
+# First bytes of a manifest, which distinguish a damaged manifest from other people's files.
 _BEGIN = b'{\n "outcome": "'
 
 
 class Outcome(StrEnum):
-    """What became of a recording."""
+    """Outcome of a recording."""
 
     DONE = "done"
     NO_POSE = "no pose"
@@ -36,7 +36,7 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True)
 class Work:
-    """What a result depends on: where it is the same, the result is."""
+    """Everything that a result depends on: the same work gives the same result."""
 
     source: str
     inputs: Mapping[str, Input]
@@ -44,36 +44,36 @@ class Work:
     version: str
 
     def same(self, other: "Work") -> bool:
-        """Whether the result is the same; where a recording lies does not matter."""
+        """Whether the result is the same; the path of the recording does not matter."""
         mine, theirs = (self.method, self.version), (other.method, other.version)
         return mine == theirs and same_contents(self.inputs, other.inputs)
 
 
 @dataclass(frozen=True)
 class Manifest:
-    """What a result was made of, by what, and what became of it."""
+    """The inputs, method and outcome of a result."""
 
     outcome: Outcome
     work: Work
     problem: str | None = None
-    """What was wrong, in one line."""
+    """The problem, in one line."""
     trace: str | None = None
-    """Where a failure came from that this package did not foresee."""
+    """Traceback of an unexpected error."""
     frames: int = 0
     with_pose: int = 0
     counts: Mapping[str, int] = field(default_factory=dict)
-    """Frames of each status."""
+    """Number of frames of each status."""
     confidence: float | None = None
     seconds: Mapping[str, float] = field(default_factory=dict)
-    """Time that each part of the work took (s)."""
+    """Time of each part of the work (s)."""
     request: str = ""
-    """Name of the request to compute it again that it answers; empty: of none."""
+    """Name of the request to compute again for which it was made; empty if there was none."""
     resumed: int = 0
-    """Frames that were there already when the work was last taken up."""
+    """Frames that were already done when the work was last resumed."""
     results: Mapping[str, Input] = field(default_factory=dict)
-    """The files that belong to it; of a version before this was written down, nothing."""
+    """The files of the result; empty in manifests of versions that did not record them."""
     note: str = ""
-    """What else there is to tell, in one line."""
+    """Further remarks, in one line."""
     finished: str = ""
     host: str = ""
     libraries: Mapping[str, str] = field(default_factory=dict)
@@ -86,7 +86,7 @@ class Manifest:
 
     @property
     def told(self) -> str:
-        """What became of it, in a line."""
+        """The outcome in one line."""
         if self.outcome is Outcome.FAILED:
             return f"failed: {self.problem}"
         fps = "" if self.fps is None else f", {self.fps:.1f} fps"
@@ -98,7 +98,7 @@ class Manifest:
 def done(
     work: Work, poses: Poses, problem: str | None, seconds: Mapping[str, float], request: str, resumed: int
 ) -> Manifest:
-    """The manifest of a recording whose poses are there; `problem` where no frame has one."""
+    """The manifest of a reconstructed recording; `problem` is given if no frame has a pose."""
     sure = poses.typical_confidence
     return _stamped(Manifest(
         Outcome.NO_POSE if problem else Outcome.DONE, work, problem,
@@ -115,7 +115,7 @@ def failed(work: Work, problem: str, trace: str | None = None) -> Manifest:
 
 @cache
 def current_version() -> str:
-    """The package's version; while it is developed, with a digest of its definitions."""
+    """The package's version; for a development version, with a digest of its definitions."""
     number = version("jaxskel")
     return f"{number}+{digest_of_definitions()[:12]}" if "dev" in number else number
 
@@ -141,14 +141,14 @@ def read_manifest(path: Path) -> Manifest:
         found = Manifest(**table | {"outcome": outcome, "work": Work(**work | {"inputs": inputs}), "results": results})
         numbers = (found.frames, found.with_pose, found.resumed, *found.counts.values(), *found.seconds.values())
         if not all(isinstance(number, int | float) for number in numbers):
-            raise ValueError("counts and times that are no numbers")
+            raise ValueError("counts or times are not numbers")
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-        raise fault(path, None, f"is no manifest of a batch ({error}); delete it and run again") from None
+        raise fault(path, None, f"is not a manifest of a batch ({error}); delete it and run again") from None
     return found
 
 
 def is_manifest(path: Path) -> bool:
-    """Whether a file is a manifest of a batch, if only a damaged one; a link is none."""
+    """Whether a file is a manifest of a batch, possibly damaged; a link does not count."""
     if path.is_symlink():
         return False
     try:

@@ -1,4 +1,4 @@
-"""How the recordings of a batch are reconstructed."""
+"""The method that reconstructs the recordings of a batch."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -16,18 +16,18 @@ from ._described import described
 
 @dataclass(frozen=True)
 class Method:
-    """How the recordings of a batch are reconstructed. It is sent to other processes, so it must be pickled."""
+    """The method that reconstructs the recordings of a batch. It is sent to other processes, so it must be pickled."""
 
     settings: Settings = field(default_factory=Settings)
     smooth_hz: float | None = None
-    """Cutoff of the low-pass filter over the finished poses (Hz); None: not filtered."""
+    """Cutoff of the low-pass filter applied to the poses (Hz); None: not filtered."""
     subject: Path | None = None
     """TOML file with the dimensions of the one subject of all recordings; None: each has its own, or none."""
     anyway: bool = False
-    """Whether to reconstruct recordings whose views contradict each other so that nothing can come of it."""
+    """Whether to reconstruct even recordings whose views contradict each other too much."""
 
     def read(self, source: Path) -> Recording:
-        """Read a recording, with the subject that is given."""
+        """Read a recording, with the subject if one is given."""
         recording = read_recording(source)
         if self.smooth_hz is not None and not 0 < self.smooth_hz < recording.fps / 2:
             raise ValueError(
@@ -40,7 +40,7 @@ class Method:
         return eqx.tree_at(lambda r: r.skeleton, recording, skeleton, is_leaf=lambda leaf: leaf is None)
 
     def settings_for_subject(self) -> Settings:
-        """The settings, with the body of the subject that is given."""
+        """The settings, with the body of the subject if one is given."""
         if self.subject is None:
             return self.settings
         body = read_body(self.subject)
@@ -48,5 +48,5 @@ class Method:
 
     @cached_property
     def described(self) -> dict[str, Any]:
-        """What of it decides the poses, as plain data; the subject's file counts as an input."""
+        """Everything in it that affects the poses, as plain data; the subject's file counts as an input."""
         return {"settings": described(self.settings), "smooth_hz": self.smooth_hz}

@@ -1,4 +1,4 @@
-"""Which names results can have, and which names their locks have."""
+"""Valid names of results, and the names of their locks."""
 
 import hashlib
 import os
@@ -13,9 +13,9 @@ RESULT_FILES = (*POSES_FILES, MANIFEST_FILE)
 FAILED_SUFFIX = ".failed.json"
 SUMMARY_FILE = "summary.csv"
 
-# Of 255 bytes that file systems allow, `.NAME.failed.json.PID.part` needs up to 29.
+# Of the 255 bytes that file systems allow, `.NAME.failed.json.PID.part` needs up to 29 besides NAME.
 _LONGEST = 226
-# A lock's name stays as it is up to this length (bytes): the library of locks adds some of its own for a moment.
+# A lock's name is shortened above this length (bytes), because the locking library temporarily adds a suffix.
 _LONGEST_LOCK = 180
 
 
@@ -24,7 +24,7 @@ def check_name(path: Path, name: str) -> None:
 
     Args:
         path: The recording, for messages.
-        name: Of its result, with ``/`` between folders.
+        name: Name of its result, with ``/`` between folders.
 
     Raises:
         ValueError: One line that names the recording and how to mend it.
@@ -32,11 +32,11 @@ def check_name(path: Path, name: str) -> None:
     for part in name.split("/"):
         told = None
         if part in ("", ".", "..") or "\0" in part:
-            told = "which is no name"
+            told = "which is not a valid name"
         elif part.startswith("."):
-            told = "which is hidden, as the batch's own files are"
+            told = "which is hidden, like the batch's own files"
         elif part.lower() in (*RESULT_FILES, SUMMARY_FILE) or part.lower().endswith(FAILED_SUFFIX):
-            told = "as a file that the batch writes itself"
+            told = "like a file that the batch writes itself"
         elif len(os.fsencode(part)) > _LONGEST:
             told = f"which is longer than {_LONGEST} bytes"
         if told is not None:

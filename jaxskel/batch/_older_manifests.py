@@ -1,4 +1,4 @@
-"""Manifests of earlier versions, read as this version would have written them: what is finished stays finished."""
+"""Converts manifests of earlier versions to the current format, so that finished recordings stay finished."""
 
 from collections.abc import Mapping
 from functools import cache
@@ -7,7 +7,7 @@ from typing import Any
 
 from .._runtime.code_digest import digest_of_definitions
 
-# Once, settings were flat, and what belongs to the package was named by its module.
+# Earlier, settings were flat, and definitions of the package were named with their module.
 _GROUPS = {
     "hull": ("HullSettings", ("spacing", "box", "min_views", "max_misses")),
     "graph": ("GraphSettings", ("root", "min_branch")),
@@ -17,12 +17,12 @@ _GROUPS = {
 _KEYS = {"root": "root_finder"}
 _RENAMED = {"LevenbergMarquardt": "NormalEquationsLM"}
 _PACKAGE = "jaxskel."
-# What every earlier version did, and could not do otherwise.
+# Values that were fixed in every earlier version.
 _ALWAYS = {"graph": {"skeletoniser": {"class": "VoxelScooping"}}}
 
 
 def modern_method(method: Mapping[str, Any]) -> dict[str, Any]:
-    """A manifest's method as this version writes it; one of this version as it is."""
+    """A manifest's method in the current format; one that has it already is returned unchanged."""
     found = _without_places(dict(method))
     settings = found.get("settings")
     if isinstance(settings, dict) and "spacing" in settings:
@@ -32,10 +32,10 @@ def modern_method(method: Mapping[str, Any]) -> dict[str, Any]:
 
 @cache
 def modern_version(version: str) -> str:
-    """The version that has the same results, bit for bit: this one, where a comparison has shown it.
+    """The current version if a comparison has shown bit-identical results; otherwise the version itself.
 
-    `equal_versions.txt` names the versions that were compared, each with the digest of the definitions that it was
-    compared with. Any later change of a definition makes that line void.
+    `equal_versions.txt` lists the compared versions, each with the digest of the definitions that it was compared
+    with. Any later change of a definition makes that line void.
     """
     table = files("jaxskel.batch").joinpath("equal_versions.txt").read_text(encoding="utf-8")
     for line in table.splitlines():

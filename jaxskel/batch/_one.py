@@ -1,4 +1,4 @@
-"""One recording of a batch, from its files to its result."""
+"""Reconstructs one recording of a batch, from its files to its result."""
 
 import json
 import time
@@ -23,13 +23,13 @@ from ._overlaps import check_overlaps
 from ._reading import Changed, Reading, Watched, current_work
 from ._sources import Source
 
-# Another process that is about to end lets go of a recording within this time (s): a cluster starts a task again
-# while the one before still has half a minute to end.
+# Longest wait for a lock (s). A process that is ending releases it within this time: a cluster restarts a task while
+# the old one still has half a minute to end.
 _PATIENCE = 60.0
 
 
 def finished_before(source: Source, output: Path, method: Method, request: str = "") -> Manifest | None:
-    """The manifest of a recording whose result is there, whole, would be the same again and answers the request."""
+    """The manifest if a complete result exists that would come out the same again and satisfies the request."""
     folder = ResultFolder(output, source.name)
     try:
         found = folder.finished()
@@ -37,7 +37,7 @@ def finished_before(source: Source, output: Path, method: Method, request: str =
             return None
         if not current_work(source, method, found.work).same(found.work):
             return None
-        # What went wrong since, as long as the recording was another one, is over.
+        # A failure since then came from a changed recording, which is now as it was.
         folder.forget_failure()
     except (OSError, ValueError):
         return None
@@ -52,25 +52,25 @@ def reconstruct_one(
     on_frames: Callable[[int, int], None] = lambda done, total: None,
     on_sign: Callable[[str], None] = lambda doing: None,
 ) -> Manifest:
-    """Reconstruct a recording, or go on with it, and put the result in its place.
+    """Reconstruct a recording, or resume it, and put the result into its folder.
 
     Args:
         source: The recording.
         output: Folder of the results.
         method: How to reconstruct.
-        request: Name of a request to compute again what is there already; empty: it is left alone.
+        request: Name of a request to compute existing results again; empty: they are kept.
         on_frames: Called with the number of frames done and of all frames.
-        on_sign: Told again and again what is being done: as long as it is, the work goes on.
+        on_sign: Called repeatedly with the current activity, as a sign of life.
 
     Returns:
-        The manifest of the result. Whatever goes wrong, it says so: nothing is raised for a recording's sake.
+        The manifest of the result. It reports any failure: a faulty recording raises no exception.
     """
     folder = ResultFolder(output, source.name)
     work = Work(str(source.path), {}, method.described, current_version())
     try:
         check_overlaps([source], output, method.subject)
     except (ValueError, OSError) as error:
-        return failed(work, str(error))  # not written down: who knows where
+        return failed(work, str(error))  # not written, because the place itself is at fault
     try:
         folder.check()
         folder.lock.parent.mkdir(parents=True, exist_ok=True)
@@ -89,11 +89,11 @@ def reconstruct_one(
                         raise
                 folder.discard_journal()
             raise ValueError(
-                f"{source.path}: was changed while it was read, and again when that was started over; let it be "
+                f"{source.path}: was changed while it was read, and again at the second attempt; wait until it is "
                 "written, then run again"
             )
     except Timeout:
-        return failed(work, f"{source.path}: another process works on it; wait for that one")
+        return failed(work, f"{source.path}: another process works on it; wait until it has finished")
     except ValueError as error:
         return recorded(folder, failed(work, str(error)))
     except OSError as error:
@@ -102,14 +102,14 @@ def reconstruct_one(
     except (MemoryError, jax.errors.JaxRuntimeError) as error:
         told = f"{source.path}: out of memory ({error}); give fewer jobs, a coarser spacing or a smaller box"
         return recorded(folder, failed(work, told))
-    except Exception as error:  # a defect of this package: the other recordings go on
-        told = f"{source.path}: {type(error).__name__}: {error}; please report it, {folder.failure.name} says more"
+    except Exception as error:  # a defect of this package must not stop the other recordings
+        told = f"{source.path}: {type(error).__name__}: {error}; please report it, with {folder.failure.name}"
         return recorded(folder, failed(work, told, traceback.format_exc()))
 
 
 @contextmanager
 def _locked(path: Path, on_sign: Callable[[str], None]) -> Iterator[None]:
-    """Hold a lock; wait for it for a while.
+    """Hold a lock; wait a limited time for it.
 
     Raises:
         Timeout: Another process holds it.
@@ -142,7 +142,7 @@ def _reconstructed(
         watched = Watched(recording.silhouettes, lambda: on_sign("reading its silhouettes"))
         recording = eqx.tree_at(lambda r: r.silhouettes, recording, watched)
     on_frames(0, len(recording))
-    on_sign("looking whether its views agree")
+    on_sign("checking whether its views agree")
     with _timed(seconds, "check"):
         doubts = doubts_before_work(source.path, recording, method.anyway)
     on_sign("preparing")
@@ -173,7 +173,7 @@ def _reconstructed(
 
 
 def recorded(folder: ResultFolder, manifest: Manifest) -> Manifest:
-    """Write down that a recording failed, and return its manifest."""
+    """Record that a recording failed, and return its manifest."""
     try:
         folder.fail(manifest)
     except OSError:  # the disk may be what failed

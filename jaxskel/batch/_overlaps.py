@@ -1,4 +1,4 @@
-"""Results never meet what they are made of: neither by name nor by any other way to the same place."""
+"""Checks that results do not overlap with their inputs, not even through links or other names of the same place."""
 
 import os
 from collections.abc import Iterator, Sequence
@@ -10,13 +10,13 @@ from ._folders import ResultFolder
 from ._sources import Source
 
 _Key = tuple[object, object]
-"""What a path leads to: device and number where something is there, else a name in another such place."""
+"""Identity of a path's target: device and inode if it exists, else the parent's identity and a name."""
 
 
 def check_overlaps(sources: Sequence[Source], output: Path, subject: Path | None = None) -> None:
-    """Refuse results that would be, hold or lie in an input of any recording, or be each other's place.
+    """Refuse results that would replace, contain or lie in an input of any recording, or share a folder.
 
-    Links, ``..`` and names that differ in case only, where the disk makes no difference, are seen through.
+    Links and ``..`` are resolved, and so are names that differ only in case if the disk ignores case.
 
     Args:
         sources: The recordings.
@@ -24,7 +24,7 @@ def check_overlaps(sources: Sequence[Source], output: Path, subject: Path | None
         subject: The subject's file, if one is given for all.
 
     Raises:
-        ValueError: One line that names recording, place and input.
+        ValueError: One line that names the recording, the place and the input.
     """
     places = _Places()
     inputs: dict[_Key, Path] = {}
@@ -51,8 +51,8 @@ def check_overlaps(sources: Sequence[Source], output: Path, subject: Path | None
         same = results.setdefault(own, source)
         if same is not source:
             raise fault(
-                source.path, None, f"its result, {folder.path}, would have the place of that of {same.path}; rename "
-                "one of them",
+                source.path, None, f"its result, {folder.path}, would be in the same place as that of "
+                f"{same.path}; rename one of them",
             )  # fmt: skip
 
 
@@ -67,7 +67,7 @@ def _inputs(sources: Sequence[Source], subject: Path | None) -> Iterator[Path]:
 
 
 class _Places:
-    """What paths lead to, each looked up once."""
+    """The targets of paths, each looked up once."""
 
     def __init__(self) -> None:
         self._keys: dict[str, _Key] = {}
@@ -77,13 +77,13 @@ class _Places:
         return self._of(self._resolved(path))
 
     def chain(self, path: Path) -> Iterator[_Key]:
-        """Of a path and of all folders that it lies in, from the inside."""
+        """Identities of a path and of all folders above it, innermost first."""
         place = Path(self._resolved(path))
         for each in (place, *place.parents):
             yield self._of(str(each))
 
     def _resolved(self, path: Path) -> str:
-        """The real path; that of a folder is looked up once for all that is in it."""
+        """The real path; that of a folder is looked up once for all its contents."""
         folder = str(path.parent)
         if folder not in self._real:
             self._real[folder] = os.path.realpath(folder)

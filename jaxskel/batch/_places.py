@@ -1,4 +1,4 @@
-"""Whether the results of a batch can be where they are to be, before any work is done."""
+"""Checks, before any work is done, that the results of a batch can be written."""
 
 import os
 import tempfile
@@ -12,14 +12,14 @@ from ._folders import ResultFolder
 from ._overlaps import check_overlaps
 from ._sources import Source
 
-# Written for a try (bytes): a disk that has no room for it has none for a result.
+# Size of the test file (bytes): a disk without room for it has no room for a result either.
 _TRIED = 1 << 16
 
 
 def check_places(sources: Sequence[Source], output: Path, subject: Path | None = None) -> None:
-    """Refuse a batch whose results would meet inputs or files of somebody else's, or cannot be written.
+    """Refuse a batch whose results would overlap with inputs or with other people's files, or cannot be written.
 
-    The folder of the results is made; nothing else stays of it.
+    The folder of the results is created; nothing else remains of this check.
 
     Args:
         sources: All recordings of the batch.
@@ -41,7 +41,7 @@ def check_places(sources: Sequence[Source], output: Path, subject: Path | None =
 
 
 def _tells_cases_apart(output: Path) -> bool:
-    """Write into a folder for a try; whether names that differ in case only are different files there."""
+    """Write test files into a folder; return whether names that differ only in case are different files there."""
     made: list[Path] = []
     try:
         for folder in reversed((output, *output.parents)):
@@ -66,6 +66,6 @@ def _check_cases(sources: Sequence[Source]) -> None:
         same = found.setdefault(unicodedata.normalize("NFC", source.name).casefold(), source)
         if same is not source:
             raise fault(
-                source.path, None, f"its result, {source.name}, would have the place of {same.name}: this disk takes "
-                "capitals and small letters for the same; rename one of them",
+                source.path, None, f"its result, {source.name}, would be in the same place as {same.name}: this disk "
+                "does not distinguish capitals from small letters; rename one of them",
             )  # fmt: skip

@@ -1,4 +1,4 @@
-"""What a recording is read from, from before the first byte until after the last."""
+"""Detects changes of a recording's files while they are read."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from ._manifest import Work, current_version
 from ._method import Method
 from ._sources import Source
 
-# Frames that are read between two signs of life.
+# Number of frames read between two signs of life.
 _FRAMES = 32
 
 
@@ -25,33 +25,33 @@ class Changed(Exception):
 
 @dataclass(frozen=True)
 class Reading:
-    """A recording's files while they are read. To be made before, and asked afterwards whether they are the same."""
+    """State of a recording's files during reading. Make it before reading; afterwards `is_changed` compares."""
 
     source: Source
     method: Method
     on_sign: Callable[[str], None]
 
     def __post_init__(self) -> None:
-        """Note what the files are like, before anything is read."""
+        """Record the state of the files before anything is read."""
         assert self.moment
         assert self._around
 
     @cached_property
     def moment(self) -> str:
-        """A name for what the files are like."""
+        """Digest of the state of the files."""
         return moment(_paths(self.source, self.method))
 
     @cached_property
     def work(self) -> Work:
-        """What a result of these files depends on; reads them."""
+        """What a result of these files depends on. Reads the files."""
         return current_work(self.source, self.method, None, lambda: self.on_sign("looking at its files"))
 
     @property
     def is_changed(self) -> bool:
-        """Whether any of the files is another one than when this was made, or was meanwhile."""
+        """Whether any of the files has changed since this was made, even if the change was undone."""
         try:
             return (self._now(), moment(_paths(self.source, self.method))) != (self._around, self.moment)
-        except OSError:  # one is gone
+        except OSError:  # a file is gone
             return True
 
     @cached_property
@@ -65,20 +65,20 @@ class Reading:
 def current_work(
     source: Source, method: Method, known: Work | None = None, on_block: Callable[[], None] = lambda: None
 ) -> Work:
-    """What a result would depend on now; contents are not read again where they are those of the known work."""
+    """What a result would depend on now. Contents are not read again if they are unchanged since the known work."""
     inputs = read_inputs(_paths(source, method), None if known is None else known.inputs, on_block)
     return Work(str(source.path), inputs, method.described, current_version())
 
 
 class Watched(AbstractSilhouettes):
-    """Silhouettes that tell when some of them have been read."""
+    """Silhouettes that report each time when some of them have been read."""
 
     def __init__(self, silhouettes: AbstractSilhouettes, on_frames: Callable[[], None]):
         self._silhouettes, self._on_frames = silhouettes, on_frames
         self.shape = silhouettes.shape
 
     def read(self, frames: Int[np.ndarray, " some"]) -> UInt8[np.ndarray, "some cams h w8"]:
-        """Read some frames, one after the other where there are others between them: those may have to be read, too."""
+        """Read frames in separate runs of consecutive frames, because frames in gaps may have to be decoded too."""
         found = np.empty((len(frames), *self.shape[1:]), np.uint8)
         place = 0
         for run in np.split(frames, np.flatnonzero(np.diff(frames) != 1) + 1):

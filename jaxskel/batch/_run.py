@@ -1,4 +1,4 @@
-"""Many recordings: what is done is left alone, what fails is told at the end."""
+"""Reconstructs many recordings. Finished ones are skipped, failures are reported at the end."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ class Shard:
     """One of several equal parts of a batch."""
 
     number: int
-    """From 1."""
+    """Number of the part, from 1."""
     of: int
 
     def __post_init__(self) -> None:
@@ -26,22 +26,22 @@ class Shard:
             raise ValueError(f"shard {self.number}/{self.of}: give 1/n to n/n")
 
     def part(self, sources: Sequence[Source]) -> list[Source]:
-        """Its recordings: every `of`-th, so that long ones that lie together are spread."""
+        """Its recordings: every `of`-th, so that long neighbouring recordings are spread over the parts."""
         return list(sources[self.number - 1 :: self.of])
 
 
 @dataclass(frozen=True)
 class BatchResult:
-    """What became of the recordings of a batch."""
+    """Outcomes of the recordings of a batch."""
 
     before: dict[str, Manifest]
-    """Those whose result was there, by name."""
+    """Manifests of recordings that were done before, by name."""
     now: dict[str, Manifest]
-    """Those that were worked on."""
+    """Manifests of recordings processed now, by name."""
 
     @property
     def unsuccessful(self) -> dict[str, Manifest]:
-        """Those that failed, and those without a pose in any frame."""
+        """Recordings that failed, and those without a pose in any frame."""
         every = self.before | self.now
         return {name: every[name] for name in sorted(every) if every[name].outcome is not Outcome.DONE}
 
@@ -58,30 +58,30 @@ def run_batch(
 ) -> BatchResult:
     """Reconstruct recordings, each into a folder of its name with `poses.npz`, `poses.csv` and `manifest.json`.
 
-    A recording is left alone where its result is there and neither its files nor the settings nor this package have
-    changed since. One that fails does not harm the others; one that was broken off goes on from there. Processes
-    are spawned: a script that calls this needs ``if __name__ == "__main__":``.
+    A recording is skipped if it has a result and neither its files nor the settings nor this package have changed
+    since. A failure does not affect the other recordings. An interrupted recording is resumed. Processes are spawned:
+    a script that calls this needs ``if __name__ == "__main__":``.
 
-    Only these files are written or replaced, one by one; what else is in a result's folder stays as it is. Poses that
-    somebody has changed since are renamed before new ones take their place.
+    Only these files are written or replaced, one by one; other files in a result's folder stay as they are. Poses that
+    somebody has changed are renamed before new ones are written.
 
     Args:
         sources: The recordings, see `find_sources`.
         output: Folder of the results.
         method: How to reconstruct.
-        jobs: Processes at once, each on a core of its own.
-        request: Compute again what is there: a name for this, any that is new. What answers a request of the same
-            name already is left alone, so that one that was broken off goes on.
-        on_event: Told how it goes.
-        on_start: Told how many were done before.
-        timeout: A process that gives no sign of life for so long (s) is killed, which costs its recording only.
+        jobs: Number of processes, each on its own core.
+        request: A new name to compute existing results again; empty: they are kept. Results already made for this
+            name are kept, so that an interrupted request can be resumed.
+        on_event: Called with each progress event.
+        on_start: Called with the number of recordings done before.
+        timeout: A process that gives no sign of life for this long (s) is killed; only its recording fails.
 
     Returns:
         A manifest for each recording.
 
     Raises:
-        ValueError: There are no jobs or no time, or a result would meet an input, would replace a file of somebody
-            else's, or cannot be written.
+        ValueError: `jobs` or `timeout` is not positive, or a result would overlap with an input, would replace
+            somebody else's file, or cannot be written.
     """
     if jobs < 1:
         raise ValueError(f"{jobs} jobs: give at least one")

@@ -1,4 +1,4 @@
-"""Where recordings are found: in folders, however they are linked, and by patterns."""
+"""Finds recordings in folders, also through links, and by patterns."""
 
 import glob
 import os
@@ -14,20 +14,20 @@ _WILD = "*?["
 
 
 def is_pattern(text: str) -> bool:
-    """Whether a text may mean several files."""
+    """Whether a text is a pattern for files."""
     return bool(set(text) & set(_WILD))
 
 
 def is_recording(folder: Path) -> bool:
-    """Whether a folder is a recording; what its `recording.toml` is worth is for who reads it."""
+    """Whether a folder is a recording; its `recording.toml` is checked only when it is read."""
     return os.path.lexists(folder / RECORDING_FILE)
 
 
 def recordings_below(folder: Path) -> Iterator[tuple[str, Path]]:
-    """The recordings of a folder and those below it, with their places in it, ``/`` between folders.
+    """The recordings in a folder and below it, with their relative paths, ``/`` between folders.
 
-    Hidden ones are left out, and so are archives of something else and the results of a batch. A folder is searched
-    once, whatever links lead to it.
+    Hidden files, archives that are not recordings, and results of a batch are left out. A folder is searched once,
+    even if several links lead to it.
 
     Raises:
         ValueError: A folder cannot be read.
@@ -41,7 +41,7 @@ def recordings_below(folder: Path) -> Iterator[tuple[str, Path]]:
 
 
 def matches(pattern: str) -> list[str]:
-    """The files and folders that a pattern means, sorted: as `glob`, but a folder is searched once."""
+    """The files and folders that match a pattern, sorted. As `glob`, but each folder is searched once."""
     parts = Path(pattern).parts
     if "**" not in parts:
         return sorted(glob.glob(pattern))
@@ -58,9 +58,9 @@ def matches(pattern: str) -> list[str]:
 
 
 def _walk(folder: Path) -> Iterator[tuple[str, Path, bool]]:
-    """All that is below a folder and not hidden, and itself: its place, and whether it is a folder.
+    """A folder and everything below it that is not hidden: relative name, path, and whether it is a folder.
 
-    What is in recordings is left out. Links to folders come last, so that a folder has its own name.
+    Contents of recordings are left out. Links to folders come last, so that a folder gets its own name, not a link's.
     """
     seen = set()
     here, links = [("", folder)], []

@@ -1,4 +1,4 @@
-"""Which recordings a batch is made of, and where each one's result goes."""
+"""The recordings of a batch, and the names of their results."""
 
 import os
 from collections.abc import Iterable, Iterator
@@ -18,24 +18,24 @@ class Source:
     """A recording of a batch."""
 
     name: str
-    """Of its result, a folder: unique in the batch, with ``/`` where recordings were found in a folder's folders."""
+    """Name of its result's folder, unique in the batch; with ``/`` for recordings found in subfolders."""
     path: Path
     """The sequence file, or the recording's folder."""
     listed_in: Path | None = None
-    """The list that names it, if one does."""
+    """The list file that names it, if any."""
 
 
 def find_sources(inputs: Iterable[str | Path]) -> list[Source]:
-    """Find the recordings that are meant, sorted by name.
+    """Find the recordings that the inputs name, sorted by name.
 
     Args:
         inputs: Each a sequence file, a recording's folder, a folder with recordings anywhere below it, a pattern with
-            ``*``, or a text file with one of these a line (``#`` begins a comment). What is found below a folder is
-            named by its place there, all else by its own name. A folder that links lead to as well is searched once.
+            ``*``, or a text file with one of these per line (``#`` begins a comment). A recording found below a folder
+            is named by its relative path, any other by its own name. Linked folders are searched once.
 
     Raises:
-        ValueError: Something is not there or cannot be read, no recording is found, two results would have the same
-            name, or one would have a name that no result can have.
+        ValueError: An input does not exist or cannot be read, no recording is found, two results would have the same
+            name, or a result would have an invalid name.
     """
     found: dict[str, Source] = {}
     for each in inputs:
@@ -60,7 +60,7 @@ def find_sources(inputs: Iterable[str | Path]) -> list[Source]:
 
 
 def _below(given: str, lists: tuple[Path, ...]) -> Iterator[Source]:
-    """What is meant by one input, which comes out of lists that name each other."""
+    """The recordings of one input; `lists` are the nested list files that it comes from."""
     path = Path(given)
     listed_in = lists[-1] if lists else None
     try:
@@ -92,13 +92,13 @@ def _source(path: Path, listed_in: Path | None) -> Source:
 
 
 def _listed(path: Path, lists: tuple[Path, ...]) -> Iterator[Source]:
-    """The recordings of a list; one that is not there is for the batch to report."""
+    """The recordings of a list file; the batch reports missing ones."""
     if any(path.samefile(other) for other in lists):
         raise fault(path, None, "is a list that names itself; take it out")
     try:
         lines = read_bounded(path, _LONGEST_LIST, "a list of recordings").decode("utf-8-sig").splitlines()
     except UnicodeDecodeError:
-        raise ValueError(f"{path}: is no sequence file (.npz), and no list of recordings: it is not text") from None
+        raise ValueError(f"{path}: is neither a sequence file (.npz) nor a list of recordings (not text)") from None
     for line in lines:
         entry = line.partition("#")[0].strip()
         if not entry:

@@ -1,4 +1,4 @@
-"""All results of a batch's folder, as a table."""
+"""A table of all results in a batch's folder."""
 
 import csv
 import io
@@ -17,11 +17,11 @@ COLUMNS = ("name", "outcome", "frames", "with_pose", "fps", "confidence", "secon
 def read_results(output: Path) -> dict[str, Manifest]:
     """The manifests of all results below a folder, and of the recordings that failed, by name, sorted.
 
-    Where a recording has an older result and has failed since, the failure counts. Files of the same names that are of
-    something else are left out.
+    If a recording has an older result and has failed since, the failure counts. Other files of the same names are left
+    out.
 
     Raises:
-        ValueError: There are none, or one is damaged.
+        ValueError: There are no manifests, or one is damaged.
     """
     found = {}
     for path in (*output.rglob(MANIFEST_FILE), *output.rglob(f"*{FAILED_SUFFIX}")):
@@ -37,7 +37,7 @@ def read_results(output: Path) -> dict[str, Manifest]:
 
 
 def summary_row(name: str, manifest: Manifest) -> tuple[str, ...]:
-    """The cells of `COLUMNS`."""
+    """The cells of a row, in the order of `COLUMNS`."""
     fps, confidence = manifest.fps, manifest.confidence
     return (
         name, str(manifest.outcome), str(manifest.frames), str(manifest.with_pose),
@@ -47,10 +47,10 @@ def summary_row(name: str, manifest: Manifest) -> tuple[str, ...]:
 
 
 def check_summary(path: Path) -> None:
-    """Refuse to replace a file that is no such table.
+    """Refuse to replace a file that is not such a table.
 
     Raises:
-        ValueError: It is another one's; one line that names it.
+        ValueError: It is another file; one line that names it.
     """
     if not os.path.lexists(path):
         return

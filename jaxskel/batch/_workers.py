@@ -1,4 +1,4 @@
-"""Processes that work on recordings, each on a core of its own; one that dies harms its own recording only."""
+"""Processes that work on recordings, each on its own core. If one dies, only its recording fails."""
 
 import os
 import pickle
@@ -25,20 +25,20 @@ from ._sources import Source
 PROCESS_BYTES = 2 << 30
 """Memory that a process may take."""
 TIMEOUT = 3600.0
-"""For so long (s) a process may give no sign of life. The longest that is known is to compile, 2 minutes on a slow and
-busy machine; to read the background out of long films in the largest format takes tens of minutes."""
-# A process tells of the same again after this time (s).
+"""Longest time (s) without a sign of life. Compiling takes up to 2 minutes on a slow and busy machine; computing the
+background of long films in the largest format takes tens of minutes."""
+# A process repeats the same sign only after this time (s).
 _BETWEEN_SIGNS = 0.5
-# One that does not end when it is killed waits for a disk that is gone; nobody waits for it longer than this (s).
+# Longest wait for a killed process to end (s). One that does not end hangs on a disk that is gone.
 _TO_END = 10.0
-# Waited for at once (s). Where it takes so much longer, or what is between takes so long, this process was stopped
-# itself, or the machine slept: nobody's silence counts then.
+# Longest single wait (s). If a wait lasts _LOST (s) longer than asked for, or that time passes between waits, this
+# process was stopped or the machine slept. The workers' silence does not count then.
 _WAIT, _LOST = 60.0, 5.0
 
 
 @dataclass(frozen=True)
 class Progress:
-    """Frames of a recording that are done, and all of them."""
+    """Number of finished frames of a recording, and of all its frames."""
 
     source: Source
     done: int
@@ -53,13 +53,13 @@ class Finished:
     manifest: Manifest
 
     def told(self, number: int, total: int) -> str:
-        """A line for whoever watches, of how many that are told of."""
+        """A line of progress: this is recording `number` of `total`."""
         return plain(f"[{number}/{total}] {self.source.name}: {self.manifest.told}")
 
 
 @dataclass(frozen=True)
 class _Sign:
-    """A sign of life: what a process does now."""
+    """A sign of life: the current activity of a process."""
 
     doing: str
 
@@ -67,14 +67,14 @@ class _Sign:
 def work_on(
     sources: Sequence[Source], output: Path, method: Method, jobs: int, request: str = "", timeout: float = TIMEOUT
 ) -> Iterator[Progress | Finished]:
-    """Work on recordings in some processes at once, and tell how it goes.
+    """Work on recordings in several processes, and yield progress events.
 
-    Processes are spawned: a script that calls this needs ``if __name__ == "__main__":``. They end with this one,
-    whatever becomes of it.
+    Processes are spawned: a script that calls this needs ``if __name__ == "__main__":``. They end with this process,
+    even if it is killed.
 
-    A process that gives no sign of life for `timeout` seconds is killed, which costs its recording. Signs are that
-    a part of the work begins, that a few megabytes of files or up to 32 frames are read, and that 32 frames are done:
-    what hangs gives none, and neither does what is stopped.
+    A process that gives no sign of life for `timeout` seconds is killed, and its recording fails. A sign is sent when
+    a part of the work begins, when a few megabytes of files or up to 32 frames were read, and when 32 frames are done.
+    Processes that hang or are stopped send none.
     """
     waiting = iter(sources)
     given = pickle.dumps((output, method, request))
@@ -116,8 +116,8 @@ def work_on(
 def _killed(source: Source, code: int | None) -> str:
     how = f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
     return (
-        f"{source.path}: its process was killed ({how}), perhaps for want of memory: each takes 1 to 2 GB; give fewer "
-        "jobs and run again"
+        f"{source.path}: its process was killed ({how}), perhaps out of memory: each takes 1 to 2 GB; give fewer jobs "
+        "and run again"
     )
 
 
@@ -129,20 +129,20 @@ def _silent(timeout: float, doing: str, source: Source, code: int | None) -> str
 
 
 class _Worker:
-    """A process, and what it works on."""
+    """A process and the recording that it works on."""
 
     source: Source | None
     heard: float
     """When it last gave a sign of life."""
     doing: str
-    """What it said then."""
+    """Its last reported activity."""
 
     def __init__(self, core: int, given: bytes):
         context = get_context("spawn")
         self.core, self.source = core, None
         self.heard, self.doing = time.monotonic(), "starting"
         self.pipe, theirs = context.Pipe()
-        # Only this process holds the other end: it is closed when this one is gone, killed or not.
+        # Only this process holds the other end, so the pipe closes when this process ends, even if it is killed.
         alive, self._alive = context.Pipe(duplex=False)
         self.process = context.Process(target=_work, args=(core, given, theirs, alive))
         with _deaf():
@@ -151,17 +151,17 @@ class _Worker:
         alive.close()
 
     def begin(self, source: Source | None) -> None:
-        """Give the process a recording, or none, if there is none left."""
+        """Give the process a recording, or None if there is none left."""
         self.source = source
         self.heard, self.doing = time.monotonic(), "starting"
         if source is not None:
             try:
                 self.pipe.send(source)
-            except OSError:  # it is dead already: `receive` will say so
+            except OSError:  # it is dead already; `receive` will report it
                 pass
 
     def receive(self) -> "Progress | Finished | _Sign | None":
-        """What the process says next; None if it is dead."""
+        """The next message of the process; None if it is dead."""
         try:
             event = self.pipe.recv()
         except (EOFError, OSError):
@@ -182,17 +182,17 @@ class _Worker:
 
 @contextmanager
 def _deaf() -> Iterator[None]:
-    """What is started here takes no notice of signals, from its very beginning.
+    """Processes started in this context ignore signals from the start.
 
-    A terminal and a scheduler send them to all processes; what becomes of these is for the first one to say.
+    Terminals and schedulers send signals to all processes, but the parent process decides when its workers end.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    resource_tracker.ensure_running()  # started later, within, it would let the first two through again
+    resource_tracker.ensure_running()  # if it were started below, it would unblock the first two signals
     numbers = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGUSR1", "SIGUSR2")]
     before = signal.pthread_sigmask(signal.SIG_BLOCK, numbers)
-    # Another thread may take a signal all the same, and Python would handle it here, in the middle of a start.
+    # Another thread may still receive a signal, and Python would handle it here, while a process is being started.
     came: list[int] = []
     handlers = {}
     if threading.current_thread() is threading.main_thread():

@@ -43,15 +43,15 @@ def batch(
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write to: a folder for each recording.")],
     jobs: Annotated[
         int | None,
-        typer.Option("--jobs", "-j", min=1, help="Processes at once. Default: by cores and memory."),
+        typer.Option("--jobs", "-j", min=1, help="Number of processes. Default: by cores and memory."),
     ] = None,
     shard: Annotated[str | None, typer.Option(metavar="I/N", help="Only the I-th of N parts.")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Compute again what is done.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Compute finished recordings again.")] = False,
     timeout: Annotated[
-        float, typer.Option(help="A process that gives no sign of life for so long (s) costs its recording.")
+        float, typer.Option(help="A process without a sign of life for this long (s) is ended; its recording fails.")
     ] = TIMEOUT,
     slurm: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="Send it to Slurm as an array of N tasks, and return.")
+        int | None, typer.Option(metavar="N", min=1, help="Submit to Slurm as an array of N tasks, and return.")
     ] = None,
     slurm_minutes: Annotated[int, typer.Option(min=1, help="Time limit of a task (min).")] = 1440,
     slurm_option: Annotated[
@@ -66,7 +66,7 @@ def batch(
     smooth_hz: Smooth = None,
     anyway: Anyway = False,
 ) -> None:
-    """Reconstruct many recordings; run again, it goes on with what is not done or has changed."""
+    """Reconstruct many recordings. When run again, it continues with those that are not done or have changed."""
     if not timeout > 0:
         raise ValueError(f"--timeout {timeout:g}: give a positive number of seconds")
     check_output(output)
@@ -145,7 +145,7 @@ class _Display:
 
 
 def _problems(problems: dict[str, Manifest]) -> Table:
-    table = Table(title="without a result to use")
+    table = Table(title="without a usable result")
     for column in ("recording", "outcome", "cause"):
         table.add_column(column, overflow="fold")
     for name, manifest in problems.items():

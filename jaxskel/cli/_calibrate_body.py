@@ -28,7 +28,7 @@ def calibrate_body(
     spacing: Spacing = HullSettings.spacing,
     max_misses: MaxMisses = None,
 ) -> None:
-    """Find the subject's bone lengths and radii from the silhouettes; dimensions in the recording are not looked at."""
+    """Find the subject's bone lengths and radii from the silhouettes; dimensions in the recording are ignored."""
     settings = make_settings(Preset.DEFAULT, spacing, max_misses, None)
     # Dimensions found by an earlier run are not read, so they may be replaced.
     inputs = [path for path in files_of(source) if not (path.name == SUBJECT_FILE and is_ours(path))]

@@ -23,7 +23,7 @@ _MASKS = 3  # number of frames of a mask video that are used
 
 def calibrate_cameras(
     films: Annotated[list[str], typer.Argument(metavar="CAM=FILE...", help="Film of the board, by camera.")],
-    board: Annotated[str, typer.Option(help="Inner corners, such as 9x6: one less each than there are squares.")],
+    board: Annotated[str, typer.Option(help="Inner corners, such as 9x6: one less than squares in each direction.")],
     square: Annotated[float, typer.Option(help="Edge of a square (m).")],
     intrinsics: Annotated[
         list[str],
@@ -38,13 +38,13 @@ def calibrate_cameras(
     ] = None,
     mask: Annotated[
         list[str] | None,
-        typer.Option(metavar="CAM=FILE", help="Masks of a person, where the board looks the same turned."),
+        typer.Option(metavar="CAM=FILE", help="Masks of a person, if the board looks the same after half a turn."),
     ] = None,
     other_end: Annotated[
         list[str] | None, typer.Option(metavar="CAM", help="A camera that sees such a board from its other end.")
     ] = None,
 ) -> None:
-    """Find extrinsics from a checkerboard that lies or stands still at one place; the world's z is out of its face."""
+    """Find extrinsics from a checkerboard at rest in one place; the world's z points out of its face."""
     check_number("--square", square, 1e-3, 10, "the edge of a square in metres")
     sizes = board.lower().split("x")
     if len(sizes) != 2 or not all(part.isdecimal() for part in sizes):
@@ -61,7 +61,7 @@ def calibrate_cameras(
     found = found_cameras(by_camera, checkers, lenses, silhouettes, other_end)
     write_pose2sim_calibration(output, found.cameras)
     Console().print(_table(found))
-    turned = f"; turned by half a turn: {', '.join(found.turned)}" if found.turned else ""
+    turned = f"; turned by 180 degrees: {', '.join(found.turned)}" if found.turned else ""
     covered = "" if found.coverage is None else f"; the hull covers {100 * found.coverage:.0f} % of the silhouettes"
     say(f"{output}: {len(found.cameras)} cameras, corners fit to {found.rms.max():.2f} px or better{turned}{covered}")
 

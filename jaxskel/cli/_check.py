@@ -34,7 +34,7 @@ def check(
 ) -> None:
     """Judge whether the views agree and name what is wrong; draw box and hull into every view.
 
-    Exit code 0: good. 1: there are doubts. 2: nothing can come of it, or the input is wrong.
+    Exit code 0: good. 1: there are doubts. 2: no poses are possible, or the input is wrong.
     """
     settings = make_settings(Preset.DEFAULT, spacing, max_misses, box)
     output = chosen_file(output, "check.png", files_of(source), PICTURES)
@@ -52,9 +52,9 @@ def check(
     for finding in verdict.findings:
         say(f"{'wrong' if finding.severity is Severity.HOPELESS else 'doubt'}: {finding.told}")
     if verdict.is_hopeless:
-        code, told = 2, "nothing can come of it"
+        code, told = 2, "no poses are possible"
     elif prepared.table is None:
-        code, told = 2, "no frame has a hull of a person's size; are the masks black, or the calibration of others?"
+        code, told = 2, "no frame has a hull of a person's size; are the masks black, or the calibration wrong?"
     else:
         code, told = (1, "with doubts") if verdict.findings else (0, "good")
     say(f"{place}; verdict from {verdict.frames} frames: {told}")

@@ -30,11 +30,11 @@ def export(
     up: Annotated[
         str | None,
         typer.Option(
-            help="World axis that shall point up. Default: +Y in .trc and .bvh, +Z in .c3d, that of the poses in .csv."
+            help="World axis that points up. Default: +Y in .trc and .bvh, +Z in .c3d, that of the poses in .csv."
         ),
     ] = None,
     millimetres: Annotated[
-        bool, typer.Option("--millimetres", help="Millimetres instead of metres in a .trc, which says which.")
+        bool, typer.Option("--millimetres", help="Millimetres instead of metres in a .trc, which names its unit.")
     ] = False,
 ) -> None:
     """Write poses as TRC, C3D, BVH or CSV, for other programs to open."""

@@ -16,27 +16,27 @@ def init(
     folder: Annotated[Path, typer.Argument(help="Folder with a calibration and a view for each camera.")],
     views: Annotated[
         str | None,
-        typer.Option(help="Which files or folders are the views, such as 'masks/*', where there are several."),
+        typer.Option(help="Which files or folders are the views, such as 'masks/*', if there are several."),
     ] = None,
-    calibration: Annotated[str | None, typer.Option(help="The calibration's file, where there are several.")] = None,
-    fps: Annotated[float | None, typer.Option(help="Frames per second, where no video says it.")] = None,
+    calibration: Annotated[str | None, typer.Option(help="The calibration file, if there are several.")] = None,
+    fps: Annotated[float | None, typer.Option(help="Frames per second, if no video gives it.")] = None,
     turn: Annotated[
-        int | None, typer.Option(help="Images of other sizes than calibrated: degrees clockwise, 90, 180 or 270.")
+        int | None, typer.Option(help="For images not of the calibrated size: turn in degrees clockwise.")
     ] = None,
     crop: Annotated[
-        str | None, typer.Option(help="The same: where their first pixel lies in the calibrated image (px), as 0,27.")
+        str | None, typer.Option(help="For these: their first pixel in the calibrated image (px), as 0,27.")
     ] = None,
     scale: Annotated[
-        str | None, typer.Option(help="The same: their pixels for each calibrated one, as 0.5, or across,down.")
+        str | None, typer.Option(help="For these: image pixels per calibrated pixel, as 0.5, or across,down.")
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Write over a recording.toml that is there.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing recording.toml.")] = False,
 ) -> None:
-    """Write a commented recording.toml for what the folder holds; `run`, `check` and others then take the folder."""
+    """Write a commented recording.toml for a folder's files, so that `run`, `check` and others can read the folder."""
     path = folder / RECORDING_FILE
     if not folder.is_dir():
         raise ValueError(f"{folder}: give a folder with a calibration and a view for each camera")
     if path.exists() and not force:
-        raise ValueError(f"{path}: is there already; edit it, or write it anew by --force")
+        raise ValueError(f"{path}: exists already; edit it, or overwrite it with --force")
     if fps is not None and not 0 < fps < 1e6:
         raise ValueError(f"--fps {fps:g}: give a positive number of frames per second")
     check_writable(path)

@@ -87,7 +87,7 @@ def _check_own_name(path: Path, inputs: list[Path]) -> None:
     check_replaceable(path)
     _check_apart(path, inputs)
     if os.path.lexists(path) and not is_ours(path):
-        raise ValueError(f"{path}: is there already, and jaxskel did not write it; move it, or choose another output")
+        raise ValueError(f"{path}: exists already, and jaxskel did not write it; move it, or choose another output")
 
 
 def _check_apart(output: Path, inputs: Iterable[Path]) -> None:

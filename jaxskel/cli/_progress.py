@@ -104,5 +104,5 @@ def doubt(poses: Poses, settings: Settings) -> str | None:
     if not poses.has_pose.any() or poses.typical_confidence > _DOUBTFUL:
         return None
     if settings.search is None:
-        return "most poses have a low confidence: leave out --preset paper, whose graph alone decides where limbs are"
+        return "most poses have a low confidence: leave out --preset paper, which places limbs by the graph alone"
     return "most poses have a low confidence: do the silhouettes show more than the person, a chair for instance?"

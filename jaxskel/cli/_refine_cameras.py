@@ -44,7 +44,7 @@ def refine_cameras(
     with Console(stderr=True).status("refining"):
         found = refined(given, min(frames, len(given)), float(np.radians(rotation)), shift)
     if len(found.frames) == 0:
-        raise ValueError(f"{source}: no frame shows the person in three views or more; nothing to refine by")
+        raise ValueError(f"{source}: no frame shows the person in three views or more, so cameras cannot be refined")
     _write(output, found.cameras, given.up)
     Console().print(refinement_table(found))
     doubt = "" if found.converged else ", not converged: run again on the result"
@@ -61,7 +61,7 @@ def refinement_table(found: RefinedCameras) -> Table:
         table.add_column(column, justify="right" if column and column != "camera" else "left")
     for c, name in enumerate(found.cameras.names):
         turned, moved = np.degrees(np.linalg.norm(found.rotation[c])), 1e3 * np.linalg.norm(found.shift[c])
-        note = "silhouettes hardly tell" if found.hardly_seen[c] else ""
+        note = "hardly determined" if found.hardly_seen[c] else ""
         table.add_row(cell(name), f"{turned:.2f}", f"{moved:.1f}", note)
     return table
 

@@ -65,7 +65,7 @@ def run(
     box: Box = None,
     preset: PresetOption = Preset.DEFAULT,
     track: Track = False,
-    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Processes at once, each on a core of its own.")] = 1,
+    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Number of processes, each on its own core.")] = 1,
     smooth_hz: Smooth = None,
     anyway: Anyway = False,
 ) -> None:

@@ -112,7 +112,7 @@ def submit(
     job = sent[0].job_id.partition("_")[0]
     return (
         f"{output}: {len(left)} of {len(sources)} recordings in {count} tasks of Slurm job {job}; "
-        f"{output / FOLDER} has what they say, jaxskel summary {output} what became of them"
+        f"their messages are in {output / FOLDER}; jaxskel summary {output} lists the results"
     )
 
 

@@ -6,5 +6,5 @@ import typer
 
 Anyway = Annotated[
     bool,
-    typer.Option("--anyway", help="Go on although the views contradict each other so that nothing can come of it."),
+    typer.Option("--anyway", help="Go on although the views contradict each other too much for poses."),
 ]

@@ -1,4 +1,4 @@
-"""What to do where nothing comes out."""
+"""Advice when no frame has a pose."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from ..recording import Recording, silhouette_areas
 
 
 def advice(poses: Poses, recording: Recording) -> str | None:
-    """What to do if there is no pose at all."""
+    """The likely cause if no frame has a pose; None otherwise."""
     if poses.has_pose.any():
         return None
     worst = Status(max(set(poses.status.tolist()), key=poses.status.tolist().count))
@@ -18,10 +18,10 @@ def advice(poses: Poses, recording: Recording) -> str | None:
     hints = {
         Status.EMPTY: "no view shows a person: are the masks inverted or black?",
         Status.TOO_FEW_VIEWS: "fewer than three views show a person",
-        Status.NO_HULL: "the silhouettes have no common volume: is the calibration that of these views, in metres?",
+        Status.NO_HULL: "the silhouettes have no common volume: is the calibration for these views, and in metres?",
         Status.SEVERAL_PEOPLE: "more than one person is in view",
-        Status.PARTLY_OUTSIDE: "the person reaches over the edge of what the cameras see",
+        Status.PARTLY_OUTSIDE: "the person extends beyond what the cameras see",
         Status.NO_MATCH: "the hull is not that of a person with these dimensions: is the up axis right?",
-        Status.FAILED: "the refinement broke down",
+        Status.FAILED: "the refinement failed",
     }
     return f"no pose in any frame: {hints[worst]} (jaxskel check draws it)"

@@ -1,4 +1,4 @@
-"""A subject's bone lengths and radii from a recording, where nobody has measured the subject."""
+"""Estimates the bone lengths and radii of an unmeasured subject from a recording."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -29,19 +29,19 @@ from ._subject import SUBJECT_STAGES, Costs, Sight, find_subject
 
 FRAMES = 60
 STAGES = ("looking", *SUBJECT_STAGES)
-"""What `calibrate_body` does, one after the other."""
-# Fewer frames than this do not tell lengths from flesh.
+"""Steps of `calibrate_body`, in order."""
+# With fewer frames than this, lengths and flesh cannot be told apart.
 _LEAST_FRAMES = 8
-# The place that a segment turns about is seen where it takes directions so far apart (rad): 20 degrees. Where they are
-# closer, a shift of the place along the segment looks much like a shift of the flesh around it.
+# A joint's position is observable if its segment takes directions this far apart (rad): 20 degrees. For smaller angles,
+# a shift of the joint along the segment looks like a shift of the flesh around it.
 _TURNED = 0.35
-_PAIRS = 0.9  # of the pairs of frames show a smaller angle
-# The bones at whose turning the two ends of each length are seen. Palms and tips are seen by their flesh only.
+_PAIRS = 0.9  # quantile over pairs of frames
+# For each length, the bones whose rotation makes its ends observable. Palms and tips are seen by their flesh only.
 _SEEN_BY = {
     "trunk": ("trunk", "neck"), "neck": ("neck",), "shoulder": ("upper_arm",), "upper_arm": ("upper_arm", "forearm"),
     "forearm": ("forearm",), "hip": ("thigh",), "thigh": ("thigh", "shank"), "shank": ("shank",),
 }  # fmt: skip
-# Each of these bones: the joint that it turns about, in words, its segments, and from where to where it goes.
+# Of each of these bones: name of the joint that it rotates about, its segments, and the joints at its two ends.
 _TURNING = {
     "trunk": ("waist", ("chest",), "pelvis", "neck"), "neck": ("neck", ("head",), "neck", "head"),
     "upper_arm": ("shoulder", ("l_upper_arm", "r_upper_arm"), "l_shoulder", "l_elbow"),
@@ -53,28 +53,28 @@ _TURNING = {
 
 @dataclass(frozen=True)
 class MeasuredLength:
-    """A length of a subject, both sides alike."""
+    """A length of a subject, the same for both sides."""
 
     length: float
     """From joint centre to joint centre (m)."""
     deviation: float
-    """Standard deviation (m): of what is seen, given how the bodies of adults differ."""
+    """Posterior standard deviation (m), with the variation between adults as the prior."""
     still: tuple[str, ...]
-    """Joints at its ends that hardly turn in these frames: only the flesh around them tells where they are."""
+    """Joints at its ends that hardly turn in these frames: only the flesh around them shows where they are."""
 
 
 @dataclass(frozen=True)
 class CalibratedBody:
-    """A subject's dimensions and flesh. A recording takes the skeleton, `Settings(body=...)` the body."""
+    """A subject's dimensions and flesh. Give the skeleton to a recording, the body to `Settings(body=...)`."""
 
     skeleton: Skeleton
     body: Body
     lengths: dict[str, MeasuredLength]
-    """By the names of the subject's file, see [`read_subject`][jaxskel.io.subjects.read_subject]."""
+    """Keys are the names in the subject's file, see [`read_subject`][jaxskel.io.subjects.read_subject]."""
     costs: Costs
-    """What the frames cost in the end, in the units of `volume_objective`."""
+    """Final cost of the frames, in the units of `volume_objective`."""
     frames: int
-    """So many frames count."""
+    """Number of frames used."""
 
 
 def calibrate_body(
@@ -86,18 +86,18 @@ def calibrate_body(
 ) -> CalibratedBody:
     """Find a subject's bone lengths and radii, without known dimensions, from the silhouettes of some frames.
 
-    Poses are searched for with an average adult; then lengths, flesh and the poses of all frames are adjusted at once,
-    and both once more. What the silhouettes leave open is as adults are, given what they show: flesh around a joint
-    tells where it is, because a table knows how both go together (see [`adults`][jaxskel.body.adults]). Left and
-    right are taken to be alike, hands to be half closed. A joint is found best where it turns: frames in which
-    shoulders, elbows, hips and knees bend are worth more than many frames.
+    Poses are searched for with an average adult. Then lengths, flesh and the poses of all frames are adjusted at once.
+    Both steps are done twice. What the silhouettes do not show follows from how adults vary: the flesh around a joint
+    tells where the joint is, because a table has their correlation (see [`adults`][jaxskel.body.adults]). Left and
+    right are assumed to be alike, and hands to be half closed. A joint is found best where it turns: a few frames in
+    which shoulders, elbows, hips and knees bend are worth more than many others.
 
     Args:
-        recording: Silhouettes and cameras; its ``skeleton`` is not looked at.
-        settings: How hulls are made and poses searched for; a body in it is not looked at.
-        skeleton: Template to start from, instead of the default adult, where a subject's proportions are known to
-            differ from it; its size does not count: it is that of the hulls.
-        frames: So many frames, spread evenly, are used.
+        recording: Silhouettes and cameras; its ``skeleton`` is ignored.
+        settings: How hulls are made and poses searched for; a body in it is ignored.
+        skeleton: Template to start from instead of the default adult, if the subject's proportions are known to
+            differ from it. It is scaled to the size of the hulls.
+        frames: Number of frames used, spread evenly.
         on_stage: Called with each of `STAGES` as it begins.
 
     Raises:
@@ -124,7 +124,7 @@ def calibrate_body(
 
 
 def _look(recording: Recording, settings: Settings, template: Skeleton | None, frames: int) -> tuple[Skeleton, Sight]:
-    """The template in the subject's size, and what some frames show, a batch at a time."""
+    """The template scaled to the subject, and the observations in some frames, made batch by batch."""
     unknown = eqx.tree_at(lambda r: r.skeleton, recording, template, is_leaf=lambda leaf: leaf is None)
     prepared = prepare(unknown, settings, calibrate=False)
     chosen = np.unique(np.linspace(0, len(recording) - 1, frames).astype(int))
@@ -139,7 +139,7 @@ def _look(recording: Recording, settings: Settings, template: Skeleton | None, f
             f"{recording.name}: {count} of {len(chosen)} frames show one whole person, too few to tell a body's "
             f"dimensions; give {_LEAST_FRAMES} or more, in different poses (jaxskel check {recording.name}.npz)"
         )
-    # Legs that are too long are bent, if need be backwards: left and right are exchanged then.
+    # A template with too long legs would be fitted with bent knees, even backwards, with left and right exchanged.
     skeleton = prepared.skeleton
     stature = estimate_stature([graph for _, graphs in batches for graph in graphs], skeleton)
     if stature is not None:
@@ -154,9 +154,9 @@ def _look(recording: Recording, settings: Settings, template: Skeleton | None, f
 
 
 def _turning(poses: Pose, skeleton: Skeleton, bone: str) -> float:
-    """The angle (rad) that a bone turns through relative to what it hangs on, there and back, in all but a few frames.
+    """Angle (rad) between the extreme directions of a bone relative to its parent segment, without a few outliers.
 
-    Of left and right the one that turns more. What turns about itself shows nothing of where it hangs.
+    Of left and right, the larger angle. Twists about the bone do not count: they do not show where its joint is.
     """
     _, segments, start, end = _TURNING[bone]
     joints, rotations = np.asarray(skeleton.rest_joints), np.asarray(poses.rotations, np.float64)

@@ -1,4 +1,4 @@
-"""What objectives are measured against: the labelled graph, the outlines and the hull of each person."""
+"""Observations for the objectives: the labelled graph, the outlines and the hull of each person."""
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -11,7 +11,7 @@ from ..refinement.terms import Observed
 
 
 def observed_graph(limbs: Limbs) -> Observed:
-    """What the labelled graph alone says."""
+    """Observations from the labelled graph alone."""
     return Observed(limbs.paths, limbs.found, limbs.neck, limbs.pelvis)
 
 
@@ -23,9 +23,9 @@ def observed_volume(
     middles: Float[np.ndarray, "people 3"],
     misses: int,
 ) -> Observed:
-    """What graph, outlines and, on demand, the hull say: of the frames with a person, of whom there must be one."""
+    """Observations from graph, outlines and, on demand, the hull, for the frames with a person (at least one)."""
     own = silhouettes[seen.frames], cameras, seen.empty_views[seen.frames]
-    # Carving is sparing with misses, which make a hull fat; here the outlines say how thin the body is.
+    # Carving allows few misses, because they make a hull fat; here the outlines limit how thick the body is.
     distances = silhouette_distances(*own, misses + 1 if misses else 0)
     outlines = contours(*own, 2 * RAYS if misses else RAYS)
     if misses:

@@ -1,6 +1,6 @@
-"""The front half of the method: what the silhouettes of a batch show, before any pose.
+"""The first half of the method: from the silhouettes of a batch to observations, before any pose.
 
-The only file that knows the order of these stages: carve, find the person, draw the graph, label it, look at the
+The only file that knows the order of these stages: carve, find the person, extract the graph, label it, compute the
 outlines (Sect. 3.1 and 3.2).
 """
 
@@ -26,7 +26,7 @@ class Labelled(NamedTuple):
 
     graphs: list[SkeletalGraph]
     skeleton: Skeleton
-    """The template that they were matched with."""
+    """The template that the graphs were matched with."""
     limbs: Limbs
     facing: Float[np.ndarray, "people 3"]
     """Unit vector that each person faces, in the world with z up."""
@@ -35,7 +35,7 @@ class Labelled(NamedTuple):
 
 
 class Outlines(NamedTuple):
-    """What the silhouettes themselves say of some people."""
+    """Observations of some people from the silhouettes themselves."""
 
     middles: Float[np.ndarray, "people 3"]
     """The middle of each person (m)."""
@@ -43,14 +43,14 @@ class Outlines(NamedTuple):
 
 
 class Observation(NamedTuple):
-    """What the silhouettes of a batch show."""
+    """Observations from the silhouettes of a batch."""
 
     silhouettes: UInt8[np.ndarray, "frames cams h w8"]
     seen: Seen
     labelled: Labelled | None = None
-    """None where nobody is seen, or where nobody asked."""
+    """None if nobody is seen, or if it was not asked for."""
     outlines: Outlines | None = None
-    """None likewise."""
+    """None in the same cases."""
 
 
 def observe_batch(
@@ -67,12 +67,12 @@ def observe_batch(
 
     Args:
         silhouettes: Packed bits.
-        prepared: What `prepare` found for this recording and these settings.
-        settings: How.
-        label: Whether to draw and label the graphs.
-        outlines: Whether to look at the outlines of the silhouettes.
-        template: Given the graphs, the template to label them with; by default the one that is prepared.
-        stopwatch: Told the stages ``carve``, ``graph``, ``match`` and ``observe``.
+        prepared: Result of `prepare` for this recording and these settings.
+        settings: Settings of the stages.
+        label: Whether to extract and label the graphs.
+        outlines: Whether to compute the outlines of the silhouettes.
+        template: Function from the graphs to the template that labels them; by default the prepared template.
+        stopwatch: Times the stages ``carve``, ``graph``, ``match`` and ``observe``.
     """
     seen = see_people(
         silhouettes, prepared.cameras, prepared.table, prepared.edge, prepared.max_misses, stopwatch
@@ -92,7 +92,7 @@ def observe_batch(
 def draw_graphs(
     seen: Seen, people: Int[np.ndarray, " some"], prepared: Prepared, settings: Settings, stopwatch: Stopwatch
 ) -> list[SkeletalGraph]:
-    """The graphs of some of the people in a batch."""
+    """Extract the graphs of some of the people in a batch."""
     assert seen.hulls is not None
     graph = settings.graph
     with stopwatch("graph"):
@@ -118,7 +118,7 @@ def look_at_outlines(
     prepared: Prepared,
     stopwatch: Stopwatch = lambda _: nullcontext(),
 ) -> Observation:
-    """The same observation with what the outlines say, and the labels where there are any."""
+    """Add the outlines, and the labels if there are any, to an observation."""
     silhouettes, seen, labelled, _ = observation
     limbs = Limbs.none(len(seen.frames)) if labelled is None else labelled.limbs
     with stopwatch("observe"):

@@ -1,4 +1,4 @@
-"""A recording in several processes, each on a core of its own; the poses come in order."""
+"""Reconstructs a recording in several processes, each on its own core; the poses come in order."""
 
 import pickle
 from collections.abc import Iterator
@@ -24,10 +24,10 @@ from ._settings import Settings
 def reconstruct_parallel(
     recording: Recording, jobs: int, settings: Settings | None = None, prepared: Prepared | None = None
 ) -> Iterator[Poses]:
-    """Reconstruct a recording batch by batch, in order, in some processes at once: see `reconstruct_batches`.
+    """Reconstruct a recording batch by batch, in order, in several processes: see `reconstruct_batches`.
 
-    Each frame by itself comes out as in one process. Where the settings ask for tracking, each process follows the
-    person through a stretch of its own.
+    Without tracking, the poses are the same as from one process. With tracking, each process tracks the person
+    through its own stretch of frames.
 
     Processes are spawned: a script that calls this needs ``if __name__ == "__main__":``.
 
@@ -35,10 +35,10 @@ def reconstruct_parallel(
         recording: Silhouettes and cameras.
         jobs: Number of processes.
         settings: How to reconstruct.
-        prepared: What `prepare` found for this recording and these settings.
+        prepared: Result of `prepare` for this recording and these settings.
 
     Raises:
-        ValueError: There are no jobs.
+        ValueError: `jobs` is less than one.
         MemoryError: A process was killed.
     """
     if jobs < 1:
@@ -55,12 +55,12 @@ def reconstruct_parallel(
             yield from _in_order(pool, recording, _stretches(len(recording), jobs, settings), 2 * jobs)
     except BrokenProcessPool:
         raise MemoryError(
-            f"one of {jobs} processes was killed, probably for want of memory: each takes 1 to 2 GB; give fewer jobs"
+            f"one of {jobs} processes was killed, probably out of memory: each takes 1 to 2 GB; give fewer jobs"
         ) from None
 
 
 def _stretches(frames: int, jobs: int, settings: Settings) -> list[list[int]]:
-    """Where batches start that must be done one after the other."""
+    """First frames of the batches, grouped into stretches that must be done one after the other."""
     starts = list(range(0, frames, BATCH))
     if settings.tracking is None:
         return [[start] for start in starts]
@@ -69,7 +69,7 @@ def _stretches(frames: int, jobs: int, settings: Settings) -> list[list[int]]:
 
 
 def _in_order(pool: Executor, recording: Recording, stretches: list[list[int]], at_once: int) -> Iterator[Poses]:
-    """Keep some stretches going, and give away what is next."""
+    """Work on some stretches at once, and yield the poses in order."""
 
     def submit(stretch: list[int], track: Track | None) -> Future:
         return pool.submit(_batch, recording.silhouettes[stretch[0] : stretch[0] + BATCH], track)
@@ -79,7 +79,7 @@ def _in_order(pool: Executor, recording: Recording, stretches: list[list[int]], 
     done: dict[int, Poses] = {}
     coming = 0
     while coming < len(recording):
-        # No more at once than are soon used: silhouettes and poses would pile up.
+        # A limited number at once, otherwise silhouettes and poses would fill the memory.
         while len(running) < at_once and (stretch := next(waiting, None)) is not None:
             running[submit(stretch, None)] = stretch
         finished, _ = wait(running, return_when=FIRST_COMPLETED)
@@ -97,7 +97,7 @@ def _in_order(pool: Executor, recording: Recording, stretches: list[list[int]], 
 
 
 _given: tuple[Recording, Prepared, Settings]
-"""What a process knows, set once when it begins."""
+"""Data of a process, set once when it starts."""
 
 
 def _begin(cores: Any, given: bytes) -> None:

@@ -1,4 +1,4 @@
-"""Before the first frame: the grid, its projection, and what the recording tells about the subject."""
+"""Preparation before the first frame: the grid, its projection, and the subject's template and body."""
 
 from dataclasses import replace
 
@@ -17,21 +17,21 @@ from ._settings import Settings
 from ._subject import Sight, find_subject
 
 _SUBJECT_FRAMES = 24
-# A body is not calibrated on fewer frames than this: one wrong pose would bend it.
+# A body is not calibrated on fewer frames than this: a single wrong pose would distort it.
 _LEAST_FRAMES = 8
 _STATURES = (0.8, 2.4)  # m
 
 
 def prepare(recording: Recording, settings: Settings, *, calibrate: bool = True) -> Prepared:
-    """Place the grid, project it into the cameras, judge the silhouettes, and get to know the subject.
+    """Place the grid, project it into the cameras, choose the tolerance of carving, and find template and body.
 
-    Where the subject's dimensions are unknown, an average adult is scaled to the stature that the hulls show; where no
-    body is given, one is calibrated on up to 24 frames.
+    If the subject's dimensions are unknown, an average adult is scaled to the stature of the hulls. If no body is
+    given, one is calibrated on up to 24 frames.
 
     Args:
         recording: Silhouettes and cameras.
-        settings: How.
-        calibrate: Whether to calibrate a body and make the search ready; hull and graph need neither.
+        settings: Settings of all stages.
+        calibrate: Whether to calibrate a body and prepare the search; hull and graph need neither.
     """
     to_z_up = rotation_to_z_up(recording.up)
     cameras = recording.cameras.rotated(to_z_up)
@@ -56,7 +56,7 @@ def prepare(recording: Recording, settings: Settings, *, calibrate: bool = True)
         grid = place_grid(cameras, silhouettes, empty_views, settings.hull.spacing, min_views, max_misses)
     table, edge = None, np.zeros((0, 0, 0), bool)
     if grid is not None:
-        # A voxel that may be missed by some cameras must be seen by so many more.
+        # Each camera that may miss a voxel is compensated by one more camera that must see it.
         table = projection_table(cameras, grid, silhouettes.shape[2], 8 * silhouettes.shape[3], min_views + max_misses)
         edge = observed_edge(table.observed.reshape(grid.shape))
     known = recording.skeleton is not None
@@ -92,7 +92,7 @@ def _with_subject(prepared: Prepared, recorded: Silhouettes, settings: Settings,
 
 
 def _template(graphs: list[SkeletalGraph], prepared: Prepared) -> Skeleton:
-    """The subject's skeleton where it is known, else an average adult of the graphs' stature."""
+    """The subject's skeleton if it is known, else an average adult of the graphs' stature."""
     if prepared.skeleton_is_known:
         return prepared.skeleton
     stature = estimate_stature(graphs)

@@ -1,4 +1,4 @@
-"""What holds for all frames of a recording."""
+"""Data shared by all frames of a recording."""
 
 import equinox as eqx
 import numpy as np
@@ -12,24 +12,24 @@ from ._subject import Costs
 
 
 class Prepared(eqx.Module):
-    """What holds for all frames of a recording. See `prepare`."""
+    """Data shared by all frames of a recording. See `prepare`."""
 
     to_z_up: Float[np.ndarray, "3 3"]
-    """Rotation from the recording's world to the one worked in."""
+    """Rotation from the recording's world to one with z up, in which all stages work."""
     cameras: Cameras
-    """The recording's, in that world."""
+    """The recording's cameras in the world with z up."""
     table: ProjectionTable | None
-    """None where no frame has a hull."""
+    """None if no frame has a hull."""
     edge: Bool[np.ndarray, "x y z"]
-    """Observed voxels at the edge of what is observed."""
+    """Observed voxels at the edge of the observed volume."""
     max_misses: int
     """Cameras that may see background at an occupied voxel."""
     skeleton: Skeleton
     """Template: the subject's, or the default adult at the estimated stature."""
     skeleton_is_known: bool
     body: Body
-    """The template with flesh: calibrated, unless the paper's method needs none or too few frames show the subject."""
+    """The template with flesh. Not calibrated if the paper's method needs none or too few frames show the subject."""
     costs: Costs | None
-    """What poses of this subject cost; None where the body is not calibrated."""
+    """Typical cost of a pose of this subject; None if the body is not calibrated."""
     model: Model | None = None
-    """The body, ready for the search; None where nothing is searched for."""
+    """The body prepared for the search; None without a search."""

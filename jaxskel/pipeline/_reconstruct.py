@@ -34,7 +34,7 @@ def reconstruct_batch(
 ) -> tuple[Poses, Track | None]:
     """Reconstruct up to `BATCH` consecutive frames. ``fps`` and ``frame_index`` count from the batch's start.
 
-    Where the settings ask for tracking, the track of the frames before goes in, and the one to go on with comes out.
+    With tracking, `track` is the state after the frames before, and the new state is returned with the poses.
     """
     count = len(silhouettes)
     joints, tips = np.full((count, 15, 3), np.nan, np.float32), np.full((count, 5, 3), np.nan, np.float32)
@@ -79,18 +79,18 @@ def batches_from(
     prepared: Prepared,
     stopwatch: Stopwatch = lambda _: nullcontext(),
 ) -> Iterator[tuple[Poses, Track | None]]:
-    """Reconstruct a recording batch by batch, from a frame on.
+    """Reconstruct a recording batch by batch, from a given frame on.
 
     Args:
         first: Frame to begin with, counted from 0: a multiple of `BATCH`.
-        track: What came with the batch before, None at the beginning.
+        track: Tracking state returned with the batch before; None at the beginning.
         recording: Silhouettes and cameras.
         settings: How to reconstruct.
-        prepared: What `prepare` found for this recording and these settings.
-        stopwatch: Told the stages.
+        prepared: Result of `prepare` for this recording and these settings.
+        stopwatch: Times the stages.
 
     Returns:
-        Poses of the batches, each with what the next one goes on with.
+        Poses of the batches, each with the tracking state for the next one.
     """
     for start in range(first, len(recording), BATCH):
         part = slice(start, start + BATCH)
@@ -99,16 +99,16 @@ def batches_from(
 
 
 def reconstruct(recording: Recording, settings: Settings | None = None) -> Poses:
-    """Reconstruct the pose of every frame of a recording, each frame by itself.
+    """Reconstruct the pose of every frame of a recording.
 
     Args:
         recording: Silhouettes and cameras; its ``skeleton`` is the template if it is known, otherwise an average
-            adult is scaled to the stature that the hulls show.
-        settings: How; see `Settings`.
+            adult is scaled to the stature of the hulls.
+        settings: See `Settings`; the default ones if None.
 
     Returns:
         Poses in the recording's world, with a status for each frame. A frame that cannot be reconstructed has NaN
-        joints and a status that says why; it does not harm the others.
+        joints and a status that says why; it does not affect other frames.
     """
     return join_poses(reconstruct_batches(recording, settings))
 

@@ -1,4 +1,4 @@
-"""The refinement as a problem of its own: for notebooks that swap objectives."""
+"""The refinement as a separate problem, for notebooks that compare objectives."""
 
 from typing import Any
 
@@ -19,28 +19,27 @@ from ._start import start_of
 
 
 class RefinementProblem(eqx.Module):
-    """All that `refine_frames` needs but an objective, in a world with z up. See [`refinement_problem`][]."""
+    """Inputs of `refine_frames` except the objective, in a world with z up. See [`refinement_problem`][]."""
 
     frames: Int[np.ndarray, " people"]
-    """The frames that show a person, counted from the recording's first; what follows is of these."""
+    """Indices of the frames that show a person, from 0; the fields below are for these frames."""
     initial: Pose
-    """Where the search ended, or, without one, where the labelled graph led."""
+    """Result of the search, or, without a search, the pose from the labelled graph."""
     observed: Observed
     skeleton: Skeleton
     body: Body
     """The subject with flesh, for terms about volume."""
     truth: Float[np.ndarray, "people joints=15 3"] | None
-    """True joints (m), where the recording has any; in the world with z up."""
+    """True joints (m) in the world with z up, if the recording has them."""
 
 
 def refinement_problem(
     recording: Recording, settings: Settings | None = None, prepared: Prepared | None = None
 ) -> RefinementProblem:
-    """Do all that comes before the refinement.
+    """Run all stages before the refinement.
 
-    With ``Settings(search=None)`` the graph alone says where to start, which is quick; ``observed`` has outlines and
-    silhouettes only with a search. A frame takes 3 MB per
-    ten views then: pass some of the frames of a long recording.
+    With ``Settings(search=None)`` the graph alone gives the start pose, which is quick. ``observed`` has outlines and
+    silhouettes only with a search; a frame then takes 3 MB per ten views, so pass only some frames of a long recording.
 
     Raises:
         ValueError: No frame shows a person.
@@ -61,13 +60,13 @@ def refinement_problem(
     chosen = np.concatenate(frames)
     truth = None if recording.truth is None else recording.truth.joints[chosen] @ prepared.to_z_up.T
     initial = _joined([start.poses for start in starts])
-    # What was observed is filled up to whole batches.
+    # The observations are padded to whole batches.
     observed = _joined([take(start.observed, np.arange(len(start.poses.root))) for start in starts])
     skeleton, body = single_precision((prepared.skeleton, prepared.body))
     return RefinementProblem(chosen, initial, observed, skeleton, body, truth)
 
 
 def _joined(stacks: list[Any]) -> Any:
-    """Stacks of frames one after the other, in single precision and on the device."""
+    """Concatenate stacks of frames, in single precision and on the device."""
     joined = jax.tree.map(lambda *parts: np.concatenate([np.asarray(part) for part in parts]), *stacks)
     return jax.device_put(single_precision(joined))

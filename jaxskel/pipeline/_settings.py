@@ -1,4 +1,4 @@
-"""How to reconstruct: everything a user may choose, in one object."""
+"""Settings of the reconstruction: everything a user may choose, in one object."""
 
 from collections.abc import Callable
 
@@ -22,11 +22,11 @@ class HullSettings(eqx.Module):
     spacing: float = 0.015
     """Edge length of a voxel (m)."""
     box: Float[np.ndarray, "2 3"] | None = None
-    """Lower and upper corner of what to carve, in the recording's world (m); by default around the silhouettes."""
+    """Lower and upper corner of what to carve, in the recording's world (m); by default around the person."""
     min_views: int | None = None
-    """Cameras that must see a voxel for it to be occupied; by default 3, with fewer than six cameras 2."""
+    """Cameras that must see a voxel for it to be occupied; by default 3, or 2 with fewer than six cameras."""
     max_misses: int | None = None
-    """k-of-n voting: the number of cameras that may see background at an occupied voxel; by default judged by the
+    """k-of-n voting: the number of cameras that may see background at an occupied voxel; by default chosen from the
     silhouettes."""
 
 
@@ -34,18 +34,18 @@ class GraphSettings(eqx.Module):
     """How the skeletal graph is extracted from the hull (Sect. 3.1)."""
 
     skeletoniser: Skeletoniser = VoxelScooping()
-    """Draws the curve skeleton: by voxel scooping, as in the paper, or by `ThinnestPaths`."""
+    """Extracts the curve skeleton: by voxel scooping, as in the paper, or by `ThinnestPaths`."""
     root_finder: RootFinder = HeadBall()
-    """Where the graph starts: on the ball of the head, or, as in the paper, at the `HighestVoxel`."""
+    """Finds where the graph starts: at the sphere of the head, or, as in the paper, at the `HighestVoxel`."""
     min_branch: float = 0.24
-    """Shorter branches of the graph are pruned (m)."""
+    """Branches of the graph shorter than this are pruned (m)."""
 
 
 class MatchingSettings(eqx.Module):
     """How the end nodes of the graph are labelled (Sect. 3.2)."""
 
     matcher: Matcher = DtwMatcher()
-    """Which end node is which limb: by DTW, as in the paper, or by an `ExactMatcher`."""
+    """Assigns end nodes to limbs: by DTW, as in the paper, or by an `ExactMatcher`."""
     descriptor: tuple[int, ...] = HANDLESS_DESCRIPTOR
     """Labels whose geodesic distances describe neck and pelvis (Eq. 5)."""
 
@@ -56,10 +56,10 @@ class RefinementSettings(eqx.Module):
     objective: Objective | Callable[[Body], Objective] = volume_objective
     """What is minimised: an objective, or a function that makes one for the subject's body."""
     parametrisation: Parametrisation = HingedLimbs()
-    """How a pose is written as unknowns."""
+    """How a pose is expressed by unknowns."""
     solver: Solver = eqx.field(default_factory=default_solver)
     rounds: int = 2
-    """How often correspondences are looked up again."""
+    """Number of times that correspondences are looked up."""
     max_steps: int = 16
     """Steps of the solver in each round."""
 
@@ -81,15 +81,15 @@ class Settings(eqx.Module):
     graph: GraphSettings = GraphSettings()
     matching: MatchingSettings = MatchingSettings()
     search: Search | None = Search()
-    """Poses to refine: searched for in the silhouettes, or, where None, the one that the labelled graph gives."""
+    """Finds the poses to refine from the silhouettes; if None, the labelled graph gives the pose."""
     tracking: Tracking | None = None
-    """Follow the person from frame to frame instead of searching in every frame; needs a search."""
+    """Tracks the person from frame to frame instead of searching in every frame; needs a search."""
     body: Body | None = None
-    """The subject's body, if it has been calibrated before; by default it is calibrated on the recording."""
+    """The subject's body if it was calibrated before; by default it is calibrated on the recording."""
     refinement: RefinementSettings = eqx.field(default_factory=RefinementSettings)
 
     def __check_init__(self):
-        """Refuse what cannot work."""
+        """Reject combinations that cannot work."""
         if self.search is not None:
             return
         if self.tracking is not None:
@@ -102,11 +102,11 @@ class Settings(eqx.Module):
 
 
 def paper_settings() -> Settings:
-    """The paper's method, faithful.
+    """The paper's method as published.
 
     The head is the highest voxel, Eq. 5 describes inner nodes by all end nodes, every view carves, and the pose of the
-    labelled graph is refined against the graph, bone lengths kept. What the graph lies nearest to is looked up often:
-    that lowers the error more than the last percent of the cost does.
+    labelled graph is refined against the graph with fixed bone lengths. Correspondences are looked up often: that
+    lowers the error more than the last percent of the cost does.
     """
     return Settings(
         hull=HullSettings(max_misses=0),

@@ -1,4 +1,4 @@
-"""Where the refinement of a batch starts: the pose of the labelled graph, or the best one of a search."""
+"""Start poses of the refinement of a batch: from the labelled graph, or the best ones of a search."""
 
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -37,19 +37,19 @@ from ._observe_batch import Labelled, Observation, draw_graphs, label_graphs, ob
 from ._prepared import Prepared
 from ._settings import Settings
 
-# A body whose ways from head to feet differ by more than this share from the template's is not this person, or not
-# all of a person.
+# A body whose path lengths from head to feet differ from the template's by more than this share is not this person, or
+# only a part of a person.
 _LEG_TOLERANCE = 0.3
-# From a raised hand, which the highest voxel may be, the feet are at most half as far again as from the head.
+# The highest voxel may be a raised hand, which is at most 1.5 times as far from the feet as the head is.
 _FARTHEST = 1.6
 
 
 class Start(NamedTuple):
-    """Where the refinement starts, and what is known before it."""
+    """Start poses of the refinement, and what is known before it."""
 
     poses: Pose
     observed: Observed
-    """On the device, filled up as `on_device` does."""
+    """On the device, padded by `on_device`."""
     plausible: Bool[np.ndarray, " frames"]
     sides: Float[np.ndarray, " frames"]
     confidence: Callable[[Refined], Float[np.ndarray, "frames joints=15"]]
@@ -64,13 +64,13 @@ def start_of(
     track: Track | None = None,
     stopwatch: Stopwatch = lambda _: nullcontext(),
 ) -> tuple[Seen, Start | None, Track | None]:
-    """Observe a batch, and find where the refinement of its people starts, as the settings ask for it.
+    """Observe a batch, and find the start poses of its people according to the settings.
 
     Returns:
-        Who is seen, the start (None where nobody is), and the track to go on with.
+        The people seen, the start (None if nobody is seen), and the tracking state for the next batch.
     """
     search, tracking = settings.search, settings.tracking
-    # What is tracked needs graphs only where it is searched for, unless the objective looks at them.
+    # With tracking, only frames with a full search need graphs, unless the objective uses them.
     found = observe_batch(
         silhouettes, prepared, settings, label=tracking is None or objective.needs_graph, outlines=search is not None,
         stopwatch=stopwatch,
@@ -85,7 +85,7 @@ def start_of(
 
 
 def _by_graph(labelled: Labelled) -> Start:
-    """The labelled graph gives the pose (Sect. 3.3)."""
+    """Start from the poses of the labelled graphs (Sect. 3.3)."""
     graphs, skeleton, limbs, facing, sides = labelled
 
     def confidence(refined: Refined) -> Float[np.ndarray, "frames joints=15"]:
@@ -104,7 +104,7 @@ def _by_search(
     track: Track | None,
     stopwatch: Stopwatch,
 ) -> tuple[Start, Track | None]:
-    """The graph proposes, the silhouettes decide."""
+    """Start from the best poses of a search: graphs propose poses, silhouettes decide between them."""
     seen, labelled, outlines = found.seen, found.labelled, found.outlines
     assert outlines is not None
 
@@ -136,7 +136,7 @@ def _by_search(
 
 
 def _unexplained(poses: Pose, observed: Observed, body: Body) -> Float[np.ndarray, " frames"]:
-    """Share of the outlines that lie outside of the body, and not near it."""
+    """Share of the outlines that lie outside the body and not near it."""
     assert observed.contours is not None
     shares = unexplained_shares(single_precision(body), filled(poses), observed.contours)
     return np.asarray(shares)[: len(poses.root)]
@@ -150,7 +150,7 @@ def _joints(found: Hypotheses, skeleton: Skeleton) -> Float[np.ndarray, "frames 
 
 
 def _plausible(graphs: list[SkeletalGraph], limbs: Limbs, skeleton: Skeleton) -> Bool[np.ndarray, " frames"]:
-    """Is there at least one leg of about the template's length, and nothing much farther from the head?"""
+    """Whether at least one leg has about the template's length, and no node is much farther from the head."""
     way = template_ends(skeleton)[0, [L_FOOT, R_FOOT]]
     legs = np.abs(limbs.lengths[:, [L_FOOT, R_FOOT]] / way - 1) < _LEG_TOLERANCE
     farthest = forest_of(graphs).depths.max(1)

@@ -1,4 +1,4 @@
-"""The result: poses of all frames with a status and a confidence, filtered and scored.
+"""The result: poses of all frames with a status and a confidence; filters and scores.
 
 In: joints (m). Out: `Poses`, smoothed poses, and errors against a ground truth (`metrics`).
 """

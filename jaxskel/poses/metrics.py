@@ -1,9 +1,9 @@
 """Scores of poses against ground truth, counted as in Table 1 and Figure 3 of Straka et al. (BMVC 2011).
 
-A limb is wrong where its joint is more than a threshold from the truth, and a frame without a pose has every
-limb wrong. Sides count: a left hand on the right hand's place is an error. The swap-forgiving figures let
-each frame exchange its two arms (shoulder, elbow, hand) and its two legs (hip, knee, foot) as wholes,
-wherever that brings the two hands (feet) nearer to the truth in sum.
+A limb is wrong if its joint is farther than a threshold from the truth. In a frame without a pose, every limb is
+wrong. Sides count: a left hand in the place of the right hand is an error. The swap-forgiving figures exchange the two
+whole arms (shoulder, elbow, hand) or the two whole legs (hip, knee, foot) of a frame if that lowers the summed
+distance of the two hands (feet) from the truth.
 """
 
 from collections.abc import Iterable, Mapping
@@ -31,12 +31,12 @@ _FEET = tuple(JOINT_NAMES.index(name) for name in ("l_foot", "r_foot"))
 
 
 class Score(eqx.Module):
-    """How far poses are from the truth, over the frames whose truth is known. Made by [`score`][]."""
+    """Distances of poses from the truth in the frames whose truth is known. Made by [`score`][]."""
 
     distances: Float[np.ndarray, "frames joints=15"]
     """Distance of each joint from the truth (m); infinite where there is no pose."""
     forgiven: Float[np.ndarray, "frames joints=15"]
-    """The same after arms and legs have been exchanged where that is better."""
+    """The same after arms or legs have been exchanged in frames where that is better."""
     has_pose: Bool[np.ndarray, " frames"]
     threshold: float
     """A joint farther than this from the truth is wrong (m)."""
@@ -55,10 +55,10 @@ class Score(eqx.Module):
         return float((self._counted(forgive_swaps) <= self.threshold).all(axis=1).mean())
 
     def percentile(self, q: int | float, joint: str | None = None, forgive_swaps: bool = False) -> float:
-        """A percentile of the distances (m) of one joint or of all, over frames with a pose; NaN without."""
+        """A percentile of the distances (m) of one joint or of all, over frames with a pose; NaN if there are none."""
         distances = self._counted(forgive_swaps)[self.has_pose]
         chosen = distances if joint is None else distances[:, JOINT_NAMES.index(joint)]
-        # By rank, without interpolation: a single missing joint is infinitely far.
+        # By rank, without interpolation, because the distance of a missing joint is infinite.
         return float(np.percentile(chosen, q, method="inverted_cdf")) if chosen.size else float("nan")
 
     def curve(self, forgive_swaps: bool = False) -> Float[np.ndarray, "thresholds joints=15"]:
@@ -67,7 +67,7 @@ class Score(eqx.Module):
         return (self._counted(forgive_swaps)[None] <= thresholds[:, None, None]).mean(axis=1)
 
     def to_dict(self) -> dict[str, Any]:
-        """Every figure as plain numbers for JSON: mm, percent, None where there is no pose at all."""
+        """All figures as plain numbers for JSON: mm, percent; None if no frame has a pose."""
         n = len(self)
 
         def counting(forgive: bool) -> dict[str, Any]:
@@ -108,7 +108,7 @@ def score(
     has_pose: Shaped[np.ndarray, " flags"] | None = None,
     threshold: float = 0.1,
 ) -> Score:
-    """Score poses against the truth of the same frames and the same world.
+    """Score poses against the truth of the same frames in the same world.
 
     To score several recordings as one, concatenate their joints, or use [`join_scores`][].
 
@@ -119,7 +119,7 @@ def score(
         threshold: A joint farther than this from the truth is wrong (m).
 
     Raises:
-        ValueError: The arrays do not belong together, or no frame is left.
+        ValueError: The arrays have different lengths, or no frame is left.
     """
     if len(truth_joints) != len(poses_joints) or (has_pose is not None and len(has_pose) != len(poses_joints)):
         raise ValueError(
@@ -150,7 +150,7 @@ def _distances(poses: np.ndarray, truth: np.ndarray, has_pose: np.ndarray) -> np
 
 
 def join_scores(scores: Iterable[Score]) -> Score:
-    """The score of several recordings taken as one."""
+    """Join the scores of several recordings into one."""
     parts = list(scores)
     if not parts:
         raise ValueError("join_scores: no scores given")
@@ -166,7 +166,7 @@ def join_scores(scores: Iterable[Score]) -> Score:
 
 
 def score_table(scores: Mapping[str, Score]) -> Table:
-    """Table 1 with the head and the rest of the body: a row for each recording, then all of them together."""
+    """Table 1 with the head and the rest of the body: a row for each recording, then one for all together."""
     total = join_scores(scores.values())
     table = Table(
         title=f"Frames in which a joint is more than {1000 * total.threshold:.0f} mm from the truth",

@@ -38,7 +38,7 @@ def rows_by_index(source: str, frame_index: Int[np.ndarray, " available"], poses
     missing = [number for number in poses.frame_index.tolist() if number not in row]
     if missing:
         raise ValueError(
-            f"{source}: frame {missing[0]} is not there, of which there is a pose ({len(missing)} of {len(poses)} "
-            "frames); give that of the recording that the poses were made of"
+            f"{source}: frame {missing[0]} is missing, but has a pose ({len(missing)} of {len(poses)} frames are "
+            "missing); give that of the recording that the poses were made of"
         )
     return np.array([row[number] for number in poses.frame_index.tolist()], np.int64)

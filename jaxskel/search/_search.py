@@ -126,9 +126,8 @@ def solve_frames(
         model: The subject.
         search: Breadth and depth of the search.
         starts: Poses to start from, with leading axes ``some starts``.
-        fallback: Poses to start from where `starts` give no pose below `Search.doubtful`, with axes ``frames starts``.
-            Where these fail too, the best pose so far is turned to other directions (`other_ways`).
-            do not either, what was found is turned to face other ways.
+        fallback: Poses to start from if `starts` give no pose below `Search.doubtful`, with axes ``frames starts``. If
+            these fail too, the best pose so far is turned to other directions (`other_ways`).
         observed: Outlines and silhouettes, with a leading axis ``frames``, see `on_device`.
         frames: Indices of the frames to search in; by default all.
 

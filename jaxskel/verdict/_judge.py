@@ -91,7 +91,7 @@ def judge(recording: Recording, thorough: bool = False) -> Verdict:
     names = recording.cameras.names
     areas = masks.sum((2, 3)) / cameras.size.prod(1)
     if np.median(areas) > MOST_PERSON:
-        told = "most of every image is person, so the masks are inverted: white is the person"
+        told = "most of every image is person, so the masks are inverted: the person must be white"
         return Verdict((Finding(Severity.HOPELESS, (), told),), None, None, len(chosen))
     scene = make_scene(cameras, masks)
     material = Material(recording.cameras, recording.silhouettes, chosen)
@@ -135,8 +135,8 @@ def _contradictions(scene: Scene, material: Material, steps: list[int], names: t
     tolerant = scene.misfit(misses=scene.misses)
     if tolerant > _HOPELESS:
         told = (
-            "the silhouettes contradict each other everywhere, whichever view is left out: is the calibration that of "
-            "these views, and are they of one moment?"
+            "the silhouettes contradict each other everywhere, whichever view is left out: is the calibration for "
+            "these views, and are they synchronised?"
         )
         return [Finding(Severity.HOPELESS, (), told)]
     if misfit > _POOR:
@@ -160,7 +160,7 @@ def _of_views(scene: Scene, culprits: Culprits, cause: Cause | None, names: tupl
     figures = f"{without} the misfit falls from {before:.1f} to {after:.1f} mm"
     if cause is not None:
         guilty = tuple(names[view] for view in cause.views)
-        told = f"{' and '.join(guilty)} {cause.told}; mended, the misfit falls from {before:.1f} to "
+        told = f"{' and '.join(guilty)} {cause.told}; without this fault, the misfit falls from {before:.1f} to "
         told += f"{_millimetres(scene, cause.misfit):.1f} mm"
     else:
         guilty = tuple(names[view] for view in culprits.likely)

@@ -130,7 +130,7 @@ class Similarity:
         turned = np.degrees(np.hypot(np.arctan(np.hypot(self.right, self.down) / focal), self.roll))
         return (
             f"is not where its calibration has it: its camera was moved, by about {turned:.1f} degrees (calibrate it "
-            f"again; jaxskel refine-cameras mends little ones), or its images are cut, by about "
+            f"again; jaxskel refine-cameras mends small errors), or its images are cut, by about "
             f"[{-step * self.right:.0f}, {-step * self.down:.0f}] px (crop in recording.toml)"
         )
 

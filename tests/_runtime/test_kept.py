@@ -1,4 +1,4 @@
-"""Compiled functions from the disk are those that were compiled, and are found only where they are the same."""
+"""Compiled functions loaded from disk give the same results, and are used only for the same function and versions."""
 
 import hashlib
 import os
@@ -134,7 +134,7 @@ def test_a_folder_that_cannot_be_written_is_said_and_does_no_harm(folder: Path):
 
 
 def spoilt_program(file: Path, mark: Path) -> None:
-    """What somebody else might put there: it leaves a mark where it is unpickled."""
+    """A malicious object that leaves a mark if it is unpickled."""
     content = pickle.dumps(Marking(mark))
     file.write_bytes(hashlib.sha256(content).digest() + content)
 

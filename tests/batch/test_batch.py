@@ -1,4 +1,4 @@
-"""Many recordings in processes of their own, as the command line does it: what breaks, what is killed, what is left."""
+"""Many recordings in separate processes, as from the command line: failures, killed processes, resumed work."""
 
 import csv
 import multiprocessing
@@ -29,7 +29,7 @@ NAMES = ("walk0", "walk1", "walk2", "walk3")
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory) -> Path:
-    """Four recordings that are whole and five that are broken, each in another way."""
+    """Four good recordings and five broken ones, each in a different way."""
     data = tmp_path_factory.mktemp("data")
     scene = make_scene(FRAMES, cameras=camera_ring(4, size=(160, 120)))
     for i, name in enumerate(NAMES):
@@ -47,7 +47,7 @@ def data(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def compiled(tmp_path_factory) -> dict[str, str]:
-    """Where all processes keep what they compile, checked by nobody's shapes."""
+    """A shared cache of compiled code for all processes, without checks of shapes."""
     given = os.environ.get("JAX_COMPILATION_CACHE_DIR") or str(tmp_path_factory.mktemp("compiled"))
     return os.environ | {"JAX_COMPILATION_CACHE_DIR": given}
 
@@ -128,7 +128,7 @@ def test_ended_by_a_scheduler_or_a_person_it_says_how_to_go_on(data, compiled, t
             command(data, tmp_path), env=compiled, stderr=subprocess.PIPE, text=True, start_new_session=True
         ) as run:
             assert run.stderr is not None
-            told = run.stderr.readline()  # the first recording is over
+            told = run.stderr.readline()  # the first recording is done
             os.killpg(run.pid, number)
             told += run.stderr.read()
         assert run.returncode == 130
@@ -168,13 +168,13 @@ for worker in workers:
 
 @pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="no masks of signals on this system")
 def test_processes_take_no_notice_of_signals_from_their_very_beginning():
-    """In a process of its own: multiprocessing's first process starts a helper, which once undid it."""
+    """In a separate process: multiprocessing's first process starts a helper, which once unblocked the signals."""
     run = subprocess.run([sys.executable, "-c", DEAF], capture_output=True, text=True, timeout=100)
     assert (run.stdout.split(), run.stderr) == (["None", "None"], "")
 
 
 def test_a_process_that_dies_harms_its_own_recording_only(data, tmp_path):
-    """The first process is killed when it has said its first word, as the system does for want of memory."""
+    """The first process is killed after its first message, as the system does when memory is short."""
     sources = [Source(name, data / f"{name}.npz") for name in ("walk0", "black", "text")]
     killed = None
     found = {}
@@ -187,7 +187,7 @@ def test_a_process_that_dies_harms_its_own_recording_only(data, tmp_path):
             found[event.source.name] = event.manifest
     assert killed == "walk0"
     assert found["walk0"].outcome is Outcome.FAILED
-    assert "walk0.npz: its process was killed (signal 9), perhaps for want of memory" in str(found["walk0"].problem)
+    assert "walk0.npz: its process was killed (signal 9), perhaps out of memory" in str(found["walk0"].problem)
     assert found["black"].outcome is Outcome.NO_POSE
     assert found["text"].outcome is Outcome.FAILED
     assert read_results(tmp_path) == found

@@ -38,7 +38,7 @@ def _made(path: Path) -> Path:
 
 
 def _rewritten(path: Path) -> None:
-    """Of the same size, and with the time of before."""
+    """A change that keeps size and modification time."""
     state = path.stat()
     path.write_bytes(path.read_bytes())
     os.utime(path, ns=(state.st_atime_ns, state.st_mtime_ns))
@@ -50,7 +50,7 @@ def _shortened(root: Path) -> None:
 
 
 def _and_back(change):
-    """Make a change and take it back, so that contents, sizes and times are those of before."""
+    """Make a change and undo it, so that contents, sizes and times are as before."""
 
     def both(root: Path) -> None:
         shutil.copytree(root, root.with_name("kept"), copy_function=shutil.copy2)
@@ -175,7 +175,7 @@ def test_what_somebody_has_changed_is_set_aside(place):
         assert finished_before(source, output, METHOD) is None
         found = reconstruct_one(source, output, METHOD)
         aside = f"poses.csv.changed{number or ''}"
-        assert found.told.endswith(f"; what had been changed is {aside} now")
+        assert found.told.endswith(f"; changed files were renamed to {aside}")
         assert (output / "walk" / aside).read_text() == f"mine {number}"
         whole[aside] = f"mine {number}".encode()
     now = tree(output / "walk")
@@ -223,7 +223,7 @@ def test_results_of_before_manifests_told_of_their_files_are_done(place):
 
 
 def test_a_result_that_an_earlier_version_left_beside_its_place_takes_it(place):
-    """It renamed the folder when it was whole; killed before that, the folder is hidden."""
+    """That version renamed the hidden folder once it was complete; if killed before, it stayed hidden."""
     source, output, batches = place
     found = reconstruct_one(source, output, METHOD)
     table = asdict(found)

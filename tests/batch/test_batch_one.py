@@ -1,4 +1,4 @@
-"""One recording of a batch: done once, done again when something changed, never half there."""
+"""One recording of a batch: done once, done again after a change, never left incomplete."""
 
 import os
 import shutil
@@ -23,7 +23,7 @@ METHOD = Method()
 
 @pytest.fixture
 def place(tmp_path, monkeypatch):
-    """A recording of 70 frames whose poses are random numbers, told by their place; and a folder for the result."""
+    """A recording of 70 frames whose poses are random numbers seeded by the frame; and a folder for the result."""
     return faked_source(tmp_path), tmp_path / "out", fake(monkeypatch)
 
 
@@ -43,7 +43,7 @@ def test_done_again_once_for_each_request(place):
     reconstruct_one(source, output, METHOD)
     again = reconstruct_one(source, output, METHOD, "again")
     assert len(batches) == 6
-    # A task that a cluster starts a second time asks for the same.
+    # A task that a cluster restarts repeats the same request.
     assert reconstruct_one(source, output, METHOD, "again") == again == finished_before(source, output, METHOD)
     assert finished_before(source, output, METHOD, "once more") is None
     assert len(batches) == 6
@@ -76,7 +76,7 @@ def test_a_development_version_counts_its_code(monkeypatch):
 @pytest.mark.parametrize("before", [0, 1])
 @pytest.mark.parametrize("step", range(30))
 def test_killed_at_any_step_a_result_with_a_manifest_is_whole(place, monkeypatch, before, step):
-    """Each call that changes the disk is the last one in turn; then the recording is taken up again."""
+    """Processing is stopped at each call that changes the disk in turn, and then resumed."""
     source, output, batches = place
     if before:
         old = reconstruct_one(source, output, Method(Settings(hull=HullSettings(spacing=0.02))))
@@ -191,7 +191,7 @@ def test_a_defect_of_the_package_is_a_failure_with_a_trace(place, monkeypatch):
     monkeypatch.setattr(one, "prepare", lambda recording, settings: [][0])
     found = reconstruct_one(source, output, METHOD)
     assert found.outcome is Outcome.FAILED
-    assert "IndexError: list index out of range; please report it, walk.failed.json says more" in str(found.problem)
+    assert "IndexError: list index out of range; please report it, with walk.failed.json" in str(found.problem)
     assert "Traceback" in str(found.trace)
 
 
@@ -203,7 +203,7 @@ def test_two_processes_do_not_work_at_one_recording(place, monkeypatch):
     lock.parent.mkdir(parents=True)
     with FileLock(lock):
         found = reconstruct_one(source, output, METHOD, on_sign=signs.append)
-    assert found.problem == f"{source.path}: another process works on it; wait for that one"
+    assert found.problem == f"{source.path}: another process works on it; wait until it has finished"
     assert signs == ["waiting for another process that works on it"]
     assert not batches
     assert not (output / "walk.failed.json").exists()
@@ -262,7 +262,7 @@ def test_inputs_that_are_no_regular_files_are_refused_and_not_read(tmp_path, mon
 
 
 def test_a_recording_toml_that_would_take_hours_is_refused_as_it_is_by_run(tmp_path, monkeypatch):
-    """The files of a recording are found by the same bounded reader as reads it."""
+    """The files of a recording are found by the same bounded reader that reads it."""
     batches = fake(monkeypatch)
     (tmp_path / "r").mkdir()
     root = write_folder(tmp_path / "r")

@@ -1,4 +1,4 @@
-"""Results and inputs that overlap, and files of other people's in the way: refused before anything is touched."""
+"""Results that overlap with inputs or with other people's files are refused before anything is touched."""
 
 import os
 import re
@@ -138,11 +138,11 @@ def test_poses_of_jaxskel_run_are_replaced(world):
 @pytest.mark.parametrize(
     ("make", "told"),
     [
-        (lambda out: (out / "walk").write_text("mine"), "walk: is no folder, but in the way of one"),
-        (lambda out: (out / "walk").symlink_to("gone"), "walk: is no folder"),
-        (lambda out: (out / "walk").symlink_to("../away"), "walk: is a link, but a result has a folder of its own"),
-        (lambda out: (out / ".locks").write_text("mine"), ".locks: is no folder"),
-        (lambda out: (out / ".walk.part").write_text("mine"), ".walk.part: is no folder"),
+        (lambda out: (out / "walk").write_text("mine"), "walk: is not a folder, but a folder is needed"),
+        (lambda out: (out / "walk").symlink_to("gone"), "walk: is not a folder"),
+        (lambda out: (out / "walk").symlink_to("../away"), "walk: is a link, but a result needs its own folder"),
+        (lambda out: (out / ".locks").write_text("mine"), ".locks: is not a folder"),
+        (lambda out: (out / ".walk.part").write_text("mine"), ".walk.part: is not a folder"),
         (lambda out: (out / ".walk.part").symlink_to("../away"), ".walk.part: is a link"),
         (lambda out: (out / "walk/poses.csv").mkdir(parents=True), "poses.csv: was not written by jaxskel"),
         (lambda out: os.mkfifo(_made(out / "walk") / "manifest.json"), "manifest.json: was not written by jaxskel"),
@@ -176,14 +176,14 @@ def test_names_that_a_disk_takes_for_the_same_are_refused_there(world, monkeypat
         check_places(sources, world / "out")
         with monkeypatch.context() as patch:
             patch.setattr(places, "_tells_cases_apart", lambda output: False)
-            with pytest.raises(ValueError, match="takes capitals and small letters for the same"):
+            with pytest.raises(ValueError, match="does not distinguish capitals from small letters"):
                 check_places(sources, world / "out")
 
 
 def test_two_results_in_one_place_are_refused(world):
-    """Two folders of the output are one, by a link."""
+    """Two folders of the output are the same folder because of a link."""
     _made(world / "out/real")
     (world / "out/alias").symlink_to("real")
     sources = [Source("real/a", world / "W/walk"), Source("alias/a", world / "W/far")]
-    with pytest.raises(ValueError, match="would have the place of that of"):
+    with pytest.raises(ValueError, match="would be in the same place as that of"):
         check_places(sources, world / "out")

@@ -20,7 +20,7 @@ TIMEOUT = 0.3  # s
 
 
 class Worker(workers._Worker):
-    """Without a process: what it would say is said by the test, what it is given is done by no one."""
+    """A worker without a process: the test sends its messages, and nobody works on its recordings."""
 
     made = 0
 
@@ -54,7 +54,7 @@ def sources(tmp_path, monkeypatch) -> list[Source]:
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_who_is_silent_is_replaced_and_the_others_go_on(sources, tmp_path, jobs):
+def test_a_silent_process_is_replaced_and_the_others_go_on(sources, tmp_path, jobs):
     events = list(work_on(sources, tmp_path / "out", Method(), jobs, timeout=TIMEOUT))
     assert not any(isinstance(event, workers._Sign) for event in events)
     found = {event.source.name: event.manifest for event in events if isinstance(event, Finished)}
@@ -70,7 +70,7 @@ def test_who_is_silent_is_replaced_and_the_others_go_on(sources, tmp_path, jobs)
 
 
 def test_every_sign_starts_the_time_anew(sources, tmp_path):
-    """Ten signs, each after half of the time; what follows is silence."""
+    """Ten signs, each after half of the timeout, then none."""
     (source,) = sources[1:2]
     signs = []
 
@@ -96,7 +96,7 @@ def test_every_sign_starts_the_time_anew(sources, tmp_path):
 
 
 def test_while_this_process_is_stopped_nobody_is_silent(sources, tmp_path, monkeypatch):
-    """The first wait takes longer than it should, as where the machine sleeps; the second is without a word."""
+    """The first wait lasts too long, as if the machine had slept; during the second there is no message."""
     waits: list[float] = []
 
     def slept(pipes: list, timeout: float) -> list:
@@ -114,13 +114,13 @@ def test_while_this_process_is_stopped_nobody_is_silent(sources, tmp_path, monke
 
 
 @pytest.mark.parametrize("timeout", [0.0, -1.0, float("nan")])
-def test_no_time_is_refused(tmp_path, timeout):
+def test_a_timeout_that_is_not_positive_is_refused(tmp_path, timeout):
     with pytest.raises(ValueError, match="timeout of"):
         run_batch([], tmp_path / "out", Method(), timeout=timeout)
 
 
 class Numbers(AbstractSilhouettes):
-    """Of 100 frames, each tells its number."""
+    """100 frames, each of which holds its number."""
 
     shape = (100, 1, 1, 1)
 

@@ -65,7 +65,7 @@ def test_a_list_is_relative_to_its_own_place_and_keeps_what_is_not_there(tree):
         (["data/*.mp4"], r"data/\*.mp4: matches nothing; check the pattern"),
         (["data/.old/empty"], "no recording is found"),
         (["data/a/walk.npz", "data/b/walk.npz"], "data/b/walk.npz: its result would be walk, as that of data/a/walk"),
-        (["data/bytes.txt"], "data/bytes.txt: is no sequence file"),
+        (["data/bytes.txt"], "data/bytes.txt: is neither a sequence file"),
         (
             ["data/.nested"],
             "data/.nested/a.npz: its result would be a, a folder that holds that of data/.nested/a/b.npz",
@@ -121,7 +121,7 @@ def test_a_folder_is_searched_once_however_it_is_linked(tree):
     assert names("data/**/jump.npz") == ["jump"]
     assert names("data/**/run") == ["run"]
     assert sorted(matches("data/**")) == sorted({*matches("data/**"), "data", "data/b/run"})
-    # A link that is given is what is meant.
+    # A link given as input is used itself.
     assert names("data/0_link") == ["0_link"]
 
 
@@ -175,7 +175,7 @@ def test_folders_in_folders_are_searched_to_any_depth(tree):
             os.chdir("d")
         try:
             assert names(tree / "data")[:2] == ["a/walk", "b/run"]
-        finally:  # those who clean up after the tests do not get so deep
+        finally:  # the clean-up after the tests cannot delete folders nested this deep
             for _ in range(1200):
                 os.chdir("..")
                 os.rmdir("d")
@@ -189,7 +189,7 @@ def test_folders_in_folders_are_searched_to_any_depth(tree):
 def test_locks_of_different_results_have_different_names_that_fit(given):
     try:
         locks = [lock_name(os.fsdecode(name.encode(errors="surrogateescape"))) for name in given]
-    except UnicodeEncodeError:  # no name of a file
+    except UnicodeEncodeError:  # not a valid file name
         return
     assert len(set(locks)) == len(set(given))
     assert all(len(os.fsencode(lock)) < 200 and "/" not in lock for lock in locks)

@@ -1,4 +1,4 @@
-"""What a batch and its summary tell: names and problems from files are text, never markup or a terminal's commands."""
+"""Messages of a batch and its summary: names and problems from files are never markup or terminal commands."""
 
 import csv
 import os

@@ -51,7 +51,7 @@ def test_rows_without_their_state_do_not_count(tmp_path):
     journal = Journal(tmp_path, "this")
     journal.append(some_poses(0, 32), None)
     whole = (tmp_path / "rows.bin").read_bytes()
-    (tmp_path / "rows.bin").write_bytes(whole + whole[:1000])  # killed in the midst of the next batch
+    (tmp_path / "rows.bin").write_bytes(whole + whole[:1000])  # killed in the middle of the next batch
     journal = Journal(tmp_path, "this")
     assert journal.frames == 32
     journal.append(some_poses(32, 4), None)

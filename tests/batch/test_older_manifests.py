@@ -1,4 +1,4 @@
-"""What an earlier version has finished is not done again by a mere move."""
+"""Recordings finished by an earlier version are not computed again only because code has moved."""
 
 import ast
 import json
@@ -11,7 +11,7 @@ from jaxskel.batch import Method
 from jaxskel.batch import _older_manifests as older
 from jaxskel.search import Tracking
 
-# The method as a version wrote it whose settings were flat and whose files were elsewhere.
+# The method as written by a version with flat settings and other modules.
 FLAT = {
     "class": "jaxskel._settings.Settings", "spacing": 0.02, "box": None, "min_views": None, "max_misses": None,
     "root": {

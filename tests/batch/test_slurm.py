@@ -1,6 +1,6 @@
-"""The Slurm of the tests is a Slurm: it runs arrays, two tasks at once, and starts again what is requeued.
+"""The tests' Slurm works: it runs arrays, two tasks at once, and restarts requeued tasks.
 
-And so it does with what submitit sends.
+It does so with jobs from submitit as well.
 """
 
 import os
@@ -41,7 +41,7 @@ def test_an_array_runs_every_task_once(slurm, tmp_path):
 
 
 def test_two_tasks_run_at_once(slurm, tmp_path):
-    # Each waits for the other: one after the other, they would never end.
+    # Each waits for the other, so they would never end if they ran one after the other.
     meet = "touch here.$SLURM_ARRAY_TASK_ID; until [ -e here.0 ] && [ -e here.1 ]; do sleep 0.05; done; echo met >> met"
     slurm.submit(script(tmp_path, meet), "--array=0-1")
     slurm.wait_until_empty()
@@ -62,7 +62,7 @@ def test_a_requeued_task_runs_again(slurm, tmp_path):
 
 @pytest.fixture
 def executor(slurm, tmp_path, monkeypatch) -> submitit.AutoExecutor:
-    """Submitit as a user on the cluster has it; jobs import the functions of the tests."""
+    """Submitit as a user of the cluster has it; jobs import functions from the tests."""
     for name, value in slurm.environment.items():
         monkeypatch.setenv(name, value)
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1]), prepend=os.pathsep)
@@ -111,13 +111,13 @@ def test_nothing_runs_on_when_a_test_fails(tmp_path):
     with pytest.raises(ZeroDivisionError):
         fail_while_it_runs()
     pids = [*(tmp_path / "started").read_text().split(), *(file.read_text().strip() for file in tmp_path.glob("*.pid"))]
-    assert len(pids) == 5  # the script, what left its process group, and three daemons
+    assert len(pids) == 5  # the script, a process that left its process group, and three daemons
     commands = [Path(f"/proc/{pid}/cmdline") for pid in pids]
     assert not [file for file in commands if file.exists() and file.read_bytes()]  # a zombie has none
 
 
 def test_a_batch_of_two_dozen_as_an_array_with_a_task_killed_and_put_back(slurm, tmp_path):
-    """All are done, each once."""
+    """All recordings are done, each once."""
     scene = make_scene(2, cameras=camera_ring(4, size=(160, 120)))
     for number in range(24):
         write_recording(tmp_path / "data" / f"walk{number:02d}.npz", scene)

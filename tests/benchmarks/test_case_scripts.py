@@ -1,4 +1,4 @@
-"""The script over cases that once went wrong: what it says of made-up ones, and how it compares rigs."""
+"""The script for cases that once went wrong: its results for made-up cases, and how it compares rigs."""
 
 import _case_rigs
 import numpy as np

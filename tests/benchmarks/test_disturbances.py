@@ -1,4 +1,4 @@
-"""How benchmarks disturb a recording: what is asked for is done, and nothing else."""
+"""How benchmarks disturb a recording: exactly the requested changes are made."""
 
 import cameras as rigs
 import cv2

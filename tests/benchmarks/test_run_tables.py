@@ -1,4 +1,4 @@
-"""Tables and figures of runs: what they say was counted by hand."""
+"""Tables and figures of runs, against counts by hand."""
 
 import itertools
 
@@ -27,7 +27,7 @@ def scene() -> Recording:
 
 
 def test_the_counts_of_the_paper_add_up_to_its_last_row():
-    """Its printed sums and shares, which a slip in any row would break."""
+    """A typing error in any row would break the printed sums and shares."""
     total = _table.paper_total(list(_table.PAPER_TABLE_1))
     assert total == (19856, 151, 170, 541, 457)
     shares = _table.paper_dict()["all"]["wrong"]

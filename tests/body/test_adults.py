@@ -1,4 +1,4 @@
-"""How adults differ: the table, and the bodies that it is made of."""
+"""How adults differ: the table, and the bodies that it was made from."""
 
 import adults as making
 import numpy as np

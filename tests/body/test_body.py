@@ -1,4 +1,4 @@
-"""The body of balls and capsules that is fitted to hulls: its table, its shape, what moves with what."""
+"""The body of balls and capsules that is fitted to hulls: its table, its shape, and how its parts move."""
 
 import jax
 import jax.numpy as jnp
@@ -39,7 +39,7 @@ def at_rest(body) -> np.ndarray:
 
 
 def distances(points: np.ndarray) -> np.ndarray:
-    """Of points to the body at rest (m)."""
+    """Distances of points to the body at rest (m)."""
     ends, radii = at_rest(BODY)[LINKS], BODY.radii[LINKS]
     return np.asarray(all_distances(*(jnp.asarray(a, jnp.float32) for a in (points, ends, radii)))).min(1)
 

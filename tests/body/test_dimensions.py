@@ -1,4 +1,4 @@
-"""A subject's dimensions as unknowns: what each moves, what it leaves alone, and how firmly it is held."""
+"""A subject's dimensions as unknowns: what each one changes and does not change, and how the prior holds it."""
 
 import jax
 import jax.numpy as jnp
@@ -94,7 +94,7 @@ def test_derivative_of_a_body_is_that_of_finite_differences():
 
 
 def deviation(quantity: str, given: dict[str, float]) -> float:
-    """Standard deviation of an unknown where others are known to deviate by so much; and, of the mean, ``mean``."""
+    """Standard deviation of an unknown, given the values of others."""
     precision, place = adults_prior(ADULT).precision + 1e-9 * np.eye(93), QUANTITIES.index(quantity)
     free = [i for i, name in enumerate(QUANTITIES) if name not in given]
     return float(np.sqrt(np.linalg.inv(precision[np.ix_(free, free)])[free.index(place), free.index(place)]))

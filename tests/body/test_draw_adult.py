@@ -1,4 +1,4 @@
-"""People made up: each is a person of their own, and all are adults."""
+"""Random people: each seed gives a different person, and all are adults."""
 
 import numpy as np
 import pytest

@@ -35,7 +35,7 @@ FRAMES = 16
 HINGED = HingedLimbs()
 PRIOR = adults_prior(ADULT)
 BONES = slice(0, 8)
-# Flesh tells less of where necks and palms are.
+# Flesh shows the positions of necks and palms less accurately.
 SEEN = [LENGTH_NAMES.index(name) for name in ("shoulder", "upper_arm", "thigh", "shank")]
 
 
@@ -66,7 +66,7 @@ def doubled(tree):
 
 @pytest.mark.parametrize("kind", ["contours", "inside"])
 def test_quadrics_have_the_slope_of_finite_differences(scene, kind):
-    # A pose that is off, so that there is something to pull; weights are frozen, as in a step.
+    # A wrong pose, so that residuals are not zero; weights are frozen, as in a step.
     observed = jax.tree.map(lambda a: np.asarray(a)[0], scene.observed)
     pose = jax.tree.map(lambda a: np.asarray(a)[0], scene.truth)
     pose = Pose(pose.root + np.array([0.02, 0.01, -0.015]), pose.rotations)
@@ -147,7 +147,7 @@ def test_frames_that_do_not_count_keep_their_poses_and_say_nothing(scene):
 
 
 def test_joints_that_are_known_hold_the_poses(scene):
-    # Starts that are off by more than outlines would bring back in a few steps, and lengths that are known.
+    # Starts with errors larger than outlines could correct in a few steps, and known lengths.
     lengths = np.log(lengths_of(scene.body.skeleton) / lengths_of(ADULT))
     precision = PRIOR.precision + np.diag(np.r_[np.full(11, 1e10), np.zeros(82)])
     prior = Prior(Shape(lengths, PRIOR.mean.fingers, PRIOR.mean.balls), precision)

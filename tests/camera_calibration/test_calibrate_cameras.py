@@ -1,4 +1,4 @@
-"""From pictures of a board to where the cameras are, as the library and the command do it."""
+"""Camera poses from pictures of a board, by the library and by the command."""
 
 import io
 from contextlib import redirect_stderr, redirect_stdout

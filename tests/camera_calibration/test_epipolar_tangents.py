@@ -30,7 +30,7 @@ def cameras() -> Cameras:
 
 @pytest.fixture(scope="module")
 def silhouettes(cameras) -> np.ndarray:
-    """Of two limbs in random directions."""
+    """A person with two limbs in random directions."""
     rng = np.random.default_rng(0)
     ends = np.array([0.0, 0.0, 1.0]) + rng.uniform(-0.5, 0.5, (FRAMES, 3, 3))
     return film(cameras, [np.concatenate([chain(a, b, 0.1, 12), chain(b, c, 0.07, 12)]) for a, b, c in ends])

@@ -1,4 +1,4 @@
-"""What pixels do not resolve of silhouettes: gaps that are closed, and outlines that are poor there."""
+"""Details of silhouettes below the pixel resolution: gaps are closed, and outlines there get less weight."""
 
 import numpy as np
 import pytest

@@ -21,7 +21,7 @@ from jaxskel.synthetic import make_scene
 
 BALANCING = SHARED / "real" / "pose2sim_balancing"
 
-# In one test this is all there is, so it is used in the others: nothing is compiled again.
+# One test has only this many frames; the others use the same number, so that nothing is compiled again.
 USED = [0, 1, 2, *range(4, 13)]
 
 
@@ -90,7 +90,7 @@ def test_where_a_rig_ends_is_no_matter_of_where_it_began(filmed, come_back):
     refined = refine_cameras(filmed, USED)
     assert refined.converged
     apart = compare_rigs(refined.cameras, come_back.cameras)
-    # What is left of the start is what silhouettes cannot tell, and the prior's.
+    # The start affects only what silhouettes cannot determine, and the prior.
     assert np.degrees(apart.angles).max() < 0.1
     apart = compare_rigs(refined.cameras, filmed.cameras)
     # A true rig stays but for what the pixels of small images leave open: half a pixel is 0.15 degrees.
@@ -159,7 +159,7 @@ def test_wrong_input_is_named(filmed):
 
 
 def test_a_person_cut_off_by_the_image_is_no_evidence(filmed):
-    # The second camera shows the left half of its image only: where the person goes on beyond, nobody knows.
+    # The second camera shows only the left half of its image, so the rest of the person is unknown.
     size = np.array(filmed.cameras.size)
     size[1, 0] = SIZE[0] // 2
     cut = make_cameras(filmed.cameras.K, filmed.cameras.R, filmed.cameras.t, size, filmed.cameras.dist)

@@ -116,7 +116,7 @@ def test_jax_and_numpy_agree(lens):
     for a, b in zip(ours, project(cameras, points), strict=True):
         assert isinstance(a, jax.Array)
         np.testing.assert_allclose(a[:, :-2], b[:, :-2], rtol=1e-10)
-        # 89 degrees off the axis a lens makes much of the last bits.
+        # 89 degrees off the axis, a lens amplifies rounding errors.
         np.testing.assert_allclose(a, b, rtol=1e-5)
     single = jax.jit(project)(cameras, jnp.asarray(points[:-2], jnp.float32))
     np.testing.assert_allclose(single[0], project(cameras, points[:-2])[0], atol=0.02)

@@ -186,7 +186,7 @@ def test_what_is_not_seen_does_not_spoil_the_gradient():
     )
     assert np.isfinite(lens).all()
     assert np.isfinite(moved).all()
-    # The tangential numbers of an ordinary lens are k3 and k4 of a fisheye; its others are nobody's.
+    # The tangential coefficients of an ordinary lens are k3 and k4 of a fisheye; its others are unused.
     assert (np.asarray(lens)[:, :4] != 0).all()
     np.testing.assert_array_equal(np.asarray(lens)[::2, 4:], 0.0)
 

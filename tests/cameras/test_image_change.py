@@ -1,4 +1,4 @@
-"""Cameras whose images were changed: they see a point where the change moves what they saw before."""
+"""Cameras of changed images: they see a point where the change moves its old image point."""
 
 import cv2
 import numpy as np

@@ -1,4 +1,4 @@
-"""The command line, run as its users run it: exit codes, last lines, what is written and what is not."""
+"""The command line, run as its users run it: exit codes, last lines, written files."""
 
 import io
 import json
@@ -75,7 +75,7 @@ def test_evaluate_refuses_the_truth_of_other_frames(folder, ran):
     write_recording(folder / "short.npz", make_scene(2))
     done = jaxskel("evaluate", "out/poses.npz", "short.npz", cwd=folder)
     assert done.returncode == 2
-    assert "short.npz: frame 15 is not there" in done.stderr
+    assert "short.npz: frame 15 is missing" in done.stderr
 
 
 def test_check_draws_every_view(folder):

@@ -53,7 +53,7 @@ def test_init_refuses_what_it_cannot_know(folder, options, why):
     assert not (folder / "recording.toml").exists()
 
 
-def test_init_takes_a_word_on_what_was_done_to_the_images(folder):
+def test_init_takes_the_stated_change_of_the_images(folder):
     done = jaxskel("init", folder, "--fps", 25, "--crop", "-60,0", cwd=folder)
     assert done.returncode == 0, done.stderr
     assert "silhouettes do not agree" in done.stdout

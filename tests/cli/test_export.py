@@ -15,7 +15,7 @@ from jaxskel.io.poses import read_trc, write_poses
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Poses with two gaps, and poses of which none is there."""
+    """Poses with two gaps, and poses that are all missing."""
     folder = tmp_path_factory.mktemp("export")
     write_poses(folder, moving(10, 29.97, without=(0, 4)))
     write_poses(folder / "nobody", moving(2, without=(0, 1)))

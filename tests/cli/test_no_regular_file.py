@@ -1,4 +1,4 @@
-"""What is no regular file is refused in one line by every reader, at once: nothing waits for what may never come."""
+"""Every reader refuses files that are not regular, in one line and at once, without waiting for data."""
 
 import os
 import re
@@ -26,7 +26,7 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system ha
 
 @pytest.fixture(autouse=True)
 def at_once() -> Iterator[None]:
-    """A reader that waits fails, and does not hang the suite."""
+    """Make a reader that waits fail, so that it does not hang the suite."""
 
     def late(number: int, frame: object) -> None:
         raise AssertionError("it waits")
@@ -53,7 +53,7 @@ def device(path: Path) -> None:
 
 def listening(path: Path) -> None:
     with socket.socket(socket.AF_UNIX) as end, pytest.MonkeyPatch.context() as at:
-        at.chdir(path.parent)  # the path of a socket has a greatest length
+        at.chdir(path.parent)  # the path of a socket must be short
         end.bind(path.name)
 
 

@@ -1,4 +1,4 @@
-"""No command writes over what it reads, nor over what jaxskel did not write: tried with all files before and after."""
+"""No command overwrites its inputs or files that jaxskel did not write: all files are compared before and after."""
 
 import os
 import shutil
@@ -113,7 +113,7 @@ OVERLAPS = [
     (("demo", "-o", "own recording"), THERE),
     (("demo", "-o", "own scene.npz"), THERE),
     (("demo", "-o", "own views.png"), THERE),
-    (("init", "rec"), "is there already"),
+    (("init", "rec"), "exists already"),
 ]  # fmt: skip
 
 
@@ -165,7 +165,7 @@ def test_only_what_jaxskel_wrote_is_known_as_such(place):
         "nowhere.csv",
     )
     assert not any(is_ours(place / name) for name in others)
-    # A picture with the note is a picture still, for others too.
+    # A picture with the note is still a valid picture for other programs.
     assert cv2.imread(str(place / "a.png")).shape == (4, 4, 3)
 
 
@@ -209,7 +209,7 @@ def test_a_write_that_breaks_off_leaves_what_was_there(tmp_path, monkeypatch, na
     assert (tmp_path / name).read_bytes() != MINE
 
 
-def test_to_try_an_output_leaves_no_trace(tmp_path):
+def test_checking_an_output_leaves_no_trace(tmp_path):
     _files.check_writable(tmp_path / "a" / "b" / "c.html")
     assert files_of(tmp_path) == {}
     (tmp_path / "file").write_bytes(MINE)

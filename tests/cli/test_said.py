@@ -1,4 +1,4 @@
-"""Names out of files and wrong numbers: shown as they stand, in one line, by every command."""
+"""Every command shows names from files and wrong numbers literally and in one line."""
 
 import io
 from dataclasses import replace
@@ -121,7 +121,7 @@ def test_the_page_of_a_recording_whose_name_is_no_utf_8(tmp_path):
 
 @pytest.mark.parametrize("point", [0x110000, 0x7FFFFFFF, 0xFFFFFFFF, 0xD800, 0xDFFF])
 @pytest.mark.parametrize("key", ["camera_names", "up", "fps", "size"])
-def test_text_that_is_none_is_refused(tmp_path, point, key):
+def test_invalid_text_is_refused(tmp_path, point, key):
     masks = np.zeros((2, 3, 24, 32), bool)
     write_recording(tmp_path / "a.npz", Recording(CAMERAS, pack_silhouettes(masks), 5.0, "+Z", np.arange(2)))
     with np.load(tmp_path / "a.npz") as file:
@@ -174,7 +174,7 @@ def place(tmp_path_factory) -> Path:
 
 
 @pytest.mark.parametrize(("command", "option", "value"), CASES, ids=lambda value: str(value)[:20])
-def test_numbers_that_are_none_are_refused_by_the_options_name(place, command, option, value):
+def test_invalid_numbers_are_refused_by_the_options_name(place, command, option, value):
     if command[0] == "view":
         pytest.importorskip("rerun")
     before = sorted(path.name for path in place.iterdir())
@@ -186,6 +186,6 @@ def test_numbers_that_are_none_are_refused_by_the_options_name(place, command, o
 
 
 @pytest.mark.parametrize("box", ["nan 0 0 1 1 1", "0 0 0 1 1 inf", "1 1 1 0 0 0", "0 0 0 1 1 0", "0 0 0 1e9 1 1"])
-def test_boxes_that_are_none(place, box):
+def test_invalid_boxes_are_refused(place, box):
     done = jaxskel("run", SCENE, "-o", "new", "--box", *box.split(), cwd=place)
     assert (done.returncode, "--box" in done.stderr, done.stderr.count("\n")) == (2, True, 1), done.stderr

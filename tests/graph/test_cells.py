@@ -1,4 +1,4 @@
-"""What cells say of voxels: where they are, and what is connected."""
+"""Cells preserve the positions and the connectivity of their voxels."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ ROOT = 5, 6, 7
 
 
 def crumbs(seed: int, density: float) -> np.ndarray:
-    """Two frames of crumbs, the second one elsewhere on the grid."""
+    """Two frames of random voxels, the second one elsewhere on the grid."""
     dense = np.random.default_rng(seed).random((2, 11, 9, 12)) < density
     dense[0, 7:], dense[1, :3], dense[1, :, :4] = False, False, False
     dense[(slice(None), *ROOT)] = True
@@ -22,7 +22,7 @@ def crumbs(seed: int, density: float) -> np.ndarray:
 
 
 def cells_and_voxels(dense: np.ndarray) -> tuple[Cells, np.ndarray, list[tuple[int, np.ndarray]]]:
-    """The cells, the roots', and by hand the frame and the voxels of each that has some, in the grid's order."""
+    """The cells, the roots' cells, and by hand the frame and voxels of each non-empty cell, in grid order."""
     hulls = hulls_from_dense(dense, VoxelGrid(ORIGIN, SPACING, dense.shape[1:]))
     root = int(np.flatnonzero((hulls.voxels == ROOT).all(1))[0])
     held = []
@@ -90,5 +90,5 @@ def test_components_are_those_of_the_voxels_of_each_owner(seed, density):
             expected[f][labels > 0] = labels[labels > 0] + 1000 * owner
     of_cells = np.array([expected[f][tuple(places[0])] for f, places in (held[i] for i in chosen)])
     wave, some = Wave(cells), np.flatnonzero(cells.codes)
-    for _ in range(2):  # and what went before leaves no trace
+    for _ in range(2):  # earlier calls leave no trace
         assert same_partition(wave.components(some[chosen], owners), of_cells)

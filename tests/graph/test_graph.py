@@ -97,7 +97,7 @@ def test_prune_removes_short_branches_and_keeps_long_ones():
 
 def test_a_short_branch_takes_along_what_hangs_on_it():
     tree = graph([-1, 0, 1, 2, 2], [(0, 0, 0), (0, 0, 1), (0.04, 0, 1), (0.04, 0.03, 1), (0.04, -0.02, 1)])
-    # Node 1 is no fork: what follows is the only way on. At node 2 the shorter one of two goes.
+    # Node 1 is no fork: it has one child only. At node 2 the shorter of two branches is removed.
     np.testing.assert_array_equal(prune(tree, 0.1).parents, [-1, 0, 1, 2])
     np.testing.assert_allclose(prune(tree, 0.1).positions[-1], (0.04, 0.03, 1))
     longer = graph([-1, 0, 1, 2, 2, 1], [*tree.positions, (0, 0, 2)])

@@ -133,7 +133,7 @@ def test_sizes_go_with_the_stature():
     hulls = filled(0.5 * body(head=BENT), spacing=0.01)
     top = 0.5 * (BENT + [0, 0, HEAD_RADIUS])
     assert apart(places(HeadBall(), hulls, ADULT.scaled(0.5)), top) < 0.02
-    # In half a person, only the trunk is as thick as an adult's head.
+    # In a person of half the size, only the trunk is as thick as an adult's head.
     assert apart(places(HeadBall(), hulls), top) > 0.1
 
 

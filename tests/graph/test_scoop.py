@@ -34,7 +34,7 @@ def test_a_thin_line_by_hand():
 def test_a_first_node_between_clusters_of_different_size():
     # The root touches a plate of 3 x 3 voxels, all in one cluster: its box has the diagonal sqrt(9 + 9 + 1).
     graph = skeletons([drawn(bar(ROOT, ROOT), bar((20, 15, 34), (20, 15, 34), 1) * [1, 1, 0] + [0, 0, 35])])[0]
-    # They are in four cells, none of them so much farther away than another that it would be left out of the end.
+    # They are in four cells at similar distances, so that all of them count as outermost at the end.
     np.testing.assert_array_equal(graph.parents, [-1, 0])
     np.testing.assert_allclose(voxels_from_root(graph, 1), (0, 0, -1), atol=1e-12)
     np.testing.assert_allclose(graph.radii[1], np.sqrt(19) / 2 * SPACING)
@@ -70,7 +70,7 @@ def test_an_end_is_found_wherever_clusters_happen_to_end(radius, shift):
 
 @pytest.mark.parametrize("at_once", [3, 2048])
 def test_the_rule_cell_by_cell(at_once, monkeypatch):
-    # Crumbs among which clusters meet all the time: who comes first, and in what order, decides.
+    # Random voxels in which clusters often meet, so that the order of the clusters decides.
     monkeypatch.setattr(_wave, "_AT_ONCE", at_once)
     rng = np.random.default_rng(5)
     occupancies = [np.pad(rng.random((17, 16, 19)) < density, 2) for density in (0.15, 0.25, 0.3, 0.4, 0.6, 0.9)]

@@ -1,4 +1,4 @@
-"""Blocks of voxels: each is seen where its voxels are, and they are found again."""
+"""Blocks of voxels: a block is seen where its voxels are seen, and voxels are recovered from blocks."""
 
 import numpy as np
 import pytest
@@ -72,7 +72,7 @@ def test_what_a_voxel_sees_its_block_sees(seed, spread):
     seen = np.append(image, np.uint32(0xFFFFFFFF))[own]
     footprints = find_footprints(own, HEIGHT, WIDTH)
     assert not (np.bitwise_or.reduce(seen, 1) & ~cells[footprints]).any()
-    assert (cells[footprints] != 0xFFFFFFFF).any() or spread > 8  # and small footprints tell something
+    assert (cells[footprints] != 0xFFFFFFFF).any() or spread > 8  # small footprints do occur
 
 
 def test_windows_are_pooled_where_they_are():

@@ -19,7 +19,7 @@ def carved(silhouettes, cameras, grid, empty_views=None, max_misses=0, min_views
 
 
 def reference(masks, rig, fold, grid, empty_views, max_misses, min_views):
-    """Space carving as a text book has it: camera by camera, frame by frame, one voxel after the other."""
+    """Textbook space carving: a loop over cameras, frames and voxels."""
     frames = len(masks)
     occupied = np.zeros((frames, *grid.shape), bool)
     for place in np.ndindex(grid.shape):
@@ -71,7 +71,7 @@ def test_carve_equals_the_text_book(frames, max_misses, min_views):
     masks = rng.random((frames, 5, 48, 64)) < (0.8, 0.6, 0.4)[max_misses]
     empty_views = rng.random((frames, 5)) < 0.2
     expected = reference(masks, rig, cameras.max_radius, GRID, empty_views, max_misses, min_views)
-    assert 0.05 < expected.mean() < 0.9  # otherwise nothing is compared
+    assert 0.05 < expected.mean() < 0.9  # otherwise the comparison would be empty
     ours = carved(np.packbits(masks, -1), cameras, GRID, empty_views, max_misses, min_views)
     np.testing.assert_array_equal(ours, expected)
 
@@ -114,7 +114,7 @@ def test_hull_contains_the_body(body):
     depth = -distance.min(1).reshape(grid.shape)
     assert (depth > spacing).any()
     assert hull[depth > spacing].all()
-    # And it is no wild guess: eight views leave no volume far from the body.
+    # The hull is tight too: eight views leave no volume far from the body.
     assert not hull[depth < -0.25].any()
     assert (depth < -0.25).any()
 

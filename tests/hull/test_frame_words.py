@@ -11,7 +11,7 @@ CAMS, WIDTH = 3, 160
 
 
 def whole_images(windows: Windows, height: int, width: int) -> np.ndarray:
-    """The word of each pixel and of what is not seen."""
+    """The word of each pixel, and the word of unseen places."""
     words = frame_words(windows)
     every, extent = jnp.arange(height * width + 1, dtype=jnp.int32), (words.shape[1], words.shape[2])
     found = []
@@ -26,7 +26,7 @@ def test_each_bit_is_a_frame(height, box):
     rng = np.random.default_rng(0)
     masks = np.zeros((FRAMES_PER_WORD, CAMS, height, WIDTH), bool)
     top, bottom, left, right = box
-    # The first camera sees nothing, the others not the same.
+    # The first camera sees nothing, the others see different images.
     masks[:, 1, top:bottom, left:right] = rng.random((FRAMES_PER_WORD, bottom - top, right - left)) < 0.3
     masks[3, 2, : bottom // 2, : right // 2] = True
     empty_views = rng.random((FRAMES_PER_WORD, CAMS)) < 0.1

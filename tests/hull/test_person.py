@@ -1,4 +1,4 @@
-"""Whether views show a person whole."""
+"""Whether views show the whole person."""
 
 import numpy as np
 import pytest

@@ -75,7 +75,7 @@ def test_in_images_of_any_size_the_grid_contains_the_body_and_the_hull_of_it(hei
     grid = placed(silhouettes, cameras)
     assert grid is not None
     assert contains(grid, body)
-    # What is carved in a box that is large enough for anybody does not reach its edge either.
+    # The hull carved in a box that is large enough for anybody does not reach the edge of the grid either.
     room = make_grid(np.array([-1.0, -1.6, -0.6]), np.array([1.0, 1.6, 2.6]), SPACING)
     hulls = carve(silhouettes, projection_table(cameras, room, *inside.shape[1:], 3))
     bodies = find_bodies(hulls)
@@ -93,7 +93,7 @@ def test_grid_contains_a_walk_through_the_room():
 
 
 def test_grid_contains_a_long_walk_of_which_it_sees_a_part():
-    walk = [person(x) for x in np.linspace(-1.0, 1.0, 120)]  # more than the 96 frames it looks at
+    walk = [person(x) for x in np.linspace(-1.0, 1.0, 120)]  # more than the 96 frames that are sampled
     walk[61] = person(walk[61][0, 0], arm=(0.0, 0.75, 0.0))  # for one frame, with the steps around it
     cameras = ring(6, size=(120, 80), focal=85.0, radius=6.0)
     grid = placed(film(cameras, walk), cameras)
@@ -187,8 +187,8 @@ def test_make_grid_covers_the_box_and_no_more(lower, edges, spacing):
     origin = np.asarray(grid.origin)
     assert (origin <= lower + tolerance).all()
     assert (grid.upper >= upper - tolerance).all()
-    # It begins at whole even multiples of the spacing: two layers less there, or one at the other end, and it would not
-    # cover the box.
+    # Its origin is at even multiples of the spacing. With two layers less at that end, or one less at the other end, it
+    # would not cover the box.
     assert (origin + 2 * spacing > lower - tolerance).all()
     assert (grid.upper - spacing < upper + tolerance).all()
     np.testing.assert_allclose(origin / spacing, 2 * np.round(origin / (2 * spacing)), atol=1e-6)

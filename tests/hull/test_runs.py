@@ -1,4 +1,4 @@
-"""Bodies from vertical runs: the same as those that SciPy labels voxel by voxel, for all frames at once."""
+"""Connected bodies from vertical runs equal those that SciPy labels voxel by voxel, for all frames at once."""
 
 import numpy as np
 import pytest

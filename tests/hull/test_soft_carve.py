@@ -11,7 +11,7 @@ from jaxskel.cameras import project
 from jaxskel.hull import carve, carve_soft, make_grid, projection_table
 from jaxskel.outlines import SilhouetteDistances, silhouette_distances
 
-# A person of a kind: two bars, one of them from the trunk to the front.
+# A simple person made of two bars, one of them from the trunk to the front.
 BALLS = np.concatenate([chain((0.0, 0.0, 0.6), (0.1, 0.0, 1.4), 0.16), chain((0.05, 0.0, 1.2), (0.1, 0.5, 1.0), 0.08)])
 GRID = make_grid(np.array([-0.6, -0.6, 0.2]), np.array([0.7, 0.9, 1.8]), 0.05)
 soft = eqx.filter_jit(carve_soft)
@@ -60,7 +60,7 @@ def test_it_becomes_the_hard_hull_as_the_temperature_goes_to_zero(max_misses, mi
     apart = np.abs(np.asarray(distances.at(jnp.asarray(GRID.centres(), jnp.float32)))).min(0)
     clear = (apart > 0.04) & ~at_an_edge()
     np.testing.assert_array_equal(occupancy[clear] > 0.5, hull[clear])
-    # Enough is compared, and there it is no longer soft.
+    # Enough voxels are compared, and their occupancy is no longer soft.
     assert hull[clear].sum() > 50
     assert (~hull[clear]).sum() > 2000
     assert (np.abs(occupancy - 0.5)[clear] > 0.499).all()

@@ -50,7 +50,7 @@ def masks_of(recording):
 
 
 def with_holes(recording, share=0.12, seed=0):
-    """Discs cut out around random points of the person, each as wide as a share of his height in the image."""
+    """Cut discs out around random points of the person, as wide as a share of the person's height in the image."""
     rng = np.random.default_rng(seed)
     masks = masks_of(recording)
     rows, columns = np.ogrid[: masks.shape[2], : masks.shape[3]]
@@ -100,7 +100,7 @@ def test_holes_in_all_views_are_voted_away(scene, chosen):
     inside, volume = person_in(holed, misses)
     assert torn < 0.8
     assert inside > 0.85
-    # Forgiving costs volume, but it is still a person.
+    # Allowed misses enlarge the hull, but it is still that of a person.
     assert volume < 2 * person_in(clean, 0)[1]
 
 

@@ -1,4 +1,4 @@
-"""Archives that are cut off, that lie or that are none: refused in one line, and never run."""
+"""Archives that are truncated, inconsistent or not archives: refused in one line, and never executed."""
 
 import io
 import os
@@ -77,12 +77,12 @@ def test_directory_that_claims_more_than_is_there(clip, size):
     claimed = len(header) + frames * CAMS * HEIGHT * 3
     with zipfile.ZipFile(clip, "a") as archive:
         archive.getinfo("silhouettes.npy").file_size = claimed
-        archive._didModify = True  # write the directory again, with the lie
+        archive._didModify = True  # write the directory again, with the wrong size
     refused(read_recording, clip, f"key 'silhouettes': claims {claimed} bytes that the file cannot hold")
 
 
 def test_directory_that_claims_more_than_the_file_is_long(clip):
-    np.savez(clip, **arrays_of(clip))  # stored plainly: both sizes of a member are the same
+    np.savez(clip, **arrays_of(clip))  # stored uncompressed: both sizes of a member are the same
     with zipfile.ZipFile(clip, "a") as archive:
         member = archive.getinfo("K.npy")
         member.file_size = member.compress_size = 10**9

@@ -1,4 +1,4 @@
-"""Small files that claim, or unpack to, very much are refused before memory is taken for it."""
+"""Small files that claim, or unpack to, very much data are refused before memory is allocated."""
 
 import json
 import os
@@ -11,12 +11,12 @@ from support.archive_bombs import BOMBS
 from support.readers import READERS
 
 resource = pytest.importorskip("resource", reason="there is no peak of memory to ask for on this system")
-# More than a process has before it reads (MB): what the largest text that is read at all may take.
+# Memory allowed for reading (MB), in addition to that of the process before: enough for the largest text accepted.
 MOST = 300
 
 
 def read_all(paths: dict[str, str]) -> None:
-    """Read each, and print what is said of it, and the most memory (MB) that was taken from the start to its end."""
+    """Read each file; print the message, and the peak memory (MB) since the start."""
     told, start = {}, _peak()
     for name, path in paths.items():
         try:
@@ -31,7 +31,7 @@ def read_all(paths: dict[str, str]) -> None:
 
 
 def _peak() -> float:
-    """Memory of this process when it was largest (MB): Linux counts in kB, others in bytes."""
+    """Peak memory of this process (MB); Linux reports kB, other systems bytes."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1e3 if sys.platform == "linux" else 1e6)
 
 
@@ -41,7 +41,7 @@ def outcomes(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, 
     for name, (_, write) in BOMBS.items():
         (folder / name).mkdir()
         paths[name] = str(write(folder / name))
-    # In a process that has done nothing else, which shows how much is taken.
+    # In a fresh process, so that its peak memory is that of reading.
     program = "import json, sys; from test_bombs import read_all; read_all(json.loads(sys.argv[1]))"
     search = os.pathsep.join([str(here), str(here.parent), os.environ.get("PYTHONPATH", "")])
     done = subprocess.run(

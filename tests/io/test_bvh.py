@@ -1,4 +1,4 @@
-"""BVH, written from points, played by other people's program."""
+"""BVH files written from points, played by another program."""
 
 from pathlib import Path
 
@@ -49,7 +49,7 @@ def test_pybvh_finds_the_same_joints_rate_unit_and_up_axis(tmp_path, fps, frames
     animation, found = played(written.path)
     np.testing.assert_allclose(found, points(poses, "+Y"), atol=TENTH_OF_MM)
     assert (animation.frame_count, animation.world_up_inferred, animation.rest_up) == (frames, "+y", "+y")
-    # So are left and right by programs that know them by names and places.
+    # Programs that know left and right by names and places find them too.
     assert animation.lr_mapping["LeftForeArm"] == "RightForeArm"
     assert animation.fps == pytest.approx(fps, rel=1e-6)
     # A bone as long as in the poses, but in centimetres.
@@ -92,7 +92,7 @@ def random_rotations(rng: np.random.Generator, *shape: int) -> np.ndarray:
 @settings(deadline=None, max_examples=25)
 @given(seed=st.integers(0, 2**32 - 1), frames=st.integers(1, 12), hips=st.sampled_from([0.0, 0.001, 0.03]))
 def test_whatever_a_skeleton_does_is_met_and_rotations_are_rotations(seed, frames, hips):
-    # Any rotation of any segment, as no person could; hips in line with the pelvis or below it.
+    # Any rotation of any segment, even impossible ones; hips in line with the pelvis or below it.
     rng = np.random.default_rng(seed)
     rest = default_adult(rng.uniform(1.4, 2.0))
     joints = np.array(rest.rest_joints)
@@ -138,7 +138,7 @@ def test_real_motion_of_realistic_bodies_agrees_as_well_as_is_said(tmp_path, nam
     written = write_bvh(tmp_path / "poses.bvh", poses)
     _, found = played(written.path)
     assert farthest(found, poses, "+Y") == pytest.approx(written.deviation, abs=1e-5)
-    # Their spines bend between pelvis and neck, by up to this much; feet and hands are met all the same.
+    # Their spines bend between pelvis and neck by up to this much; feet and hands are still met.
     assert written.deviation < 0.03
     ends = [POINT_NAMES.index(point) for point in ("l_foot", "r_foot", "l_hand", "r_hand")]
     assert np.linalg.norm((found - points(poses, "+Y"))[:, ends], axis=-1).max() < 0.03

@@ -1,4 +1,4 @@
-"""What tools write beside the rule: cameras that were not posed, unknown sizes, names of another spelling."""
+"""Deviations of tools from their formats: cameras without a pose, unknown sizes, other spellings of names."""
 
 import re
 from pathlib import Path

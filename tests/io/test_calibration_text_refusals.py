@@ -1,4 +1,4 @@
-"""Files of XML and text that are no calibrations, or not whole: each is told so in one line."""
+"""Files of XML and text that are not calibrations, or incomplete: each is refused in one line."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""Calibrations in XML and text of other tools: read back as the rig that they were made of."""
+"""Calibrations in XML and text of other tools: read as the rig that they were made from."""
 
 import re
 from dataclasses import replace

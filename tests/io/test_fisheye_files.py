@@ -31,7 +31,7 @@ def fisheye_ring() -> Cameras:
 
 
 def mixed() -> Cameras:
-    """The same, but for the second camera."""
+    """The same rig, except for the second camera."""
     rig = fisheye_ring()
     lenses = np.array(rig.dist)
     lenses[1] = BARREL

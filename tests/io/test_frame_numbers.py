@@ -12,7 +12,7 @@ HERE = Path("cam1")
 
 
 def numbered(*names: str) -> dict[int, str]:
-    """What the images' numbers are, whatever order they are listed in."""
+    """The numbers of the images, which must not depend on the order of the list."""
     found = number_images(HERE, [HERE / name for name in names]).files
     assert list(found) == sorted(found)
     assert found == number_images(HERE, [HERE / name for name in reversed(names)]).files

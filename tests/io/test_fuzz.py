@@ -1,4 +1,4 @@
-"""Damaged files, of every reader: a valid result, or a `ValueError` of one line that begins with a file."""
+"""Damaged files for every reader: the result is valid, or a `ValueError` of one line that begins with a file."""
 
 import io
 import re
@@ -15,7 +15,7 @@ from support.outcomes import outcome
 from support.readers import READERS
 
 
-# What stands in place of a number, a word, or a length.
+# Replacements for a number, a word, or a length.
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("fuzz")
@@ -31,7 +31,7 @@ PNG = b"\x89PNG\r\n\x1a\n"
 
 @st.composite
 def damaged(draw: st.DrawFn, content: bytes) -> bytes:
-    """Bytes of which some are others, lost, doubled or moved; or quite other ones."""
+    """Bytes of which some are changed, lost, doubled or moved; or entirely different bytes."""
     if draw(st.integers(0, 19)) == 0:
         return draw(st.binary(max_size=200) | st.text(max_size=200).map(str.encode))
     for _ in range(draw(st.integers(1, 3))):
@@ -41,7 +41,7 @@ def damaged(draw: st.DrawFn, content: bytes) -> bytes:
 
 @st.composite
 def _damage(draw: st.DrawFn, content: bytes) -> bytes:
-    # Headers, and what comes first in them, are where claims are.
+    # Damage is concentrated on headers and their beginnings, because sizes are stated there.
     near = min(len(content), draw(st.sampled_from([40, 400, len(content)])))
     start = draw(st.integers(0, near))
     stop = draw(st.integers(start, min(len(content), start + 40)))
@@ -79,7 +79,7 @@ def _damage(draw: st.DrawFn, content: bytes) -> bytes:
 
 @st.composite
 def damaged_within(draw: st.DrawFn, content: bytes) -> bytes:
-    """Checksums stop most damage: here they are made to fit again."""
+    """Correct the checksums, because they would detect most damage."""
     if content.startswith(PNG):
         content = PNG + draw(damaged(content[len(PNG) :]))
         return PNG + b"".join(_sealed_chunks(content[len(PNG) :]))
@@ -106,7 +106,7 @@ def _sealed_chunks(content: bytes):
 
 @cache
 def whole(folder: Path, reader: str) -> tuple[Path, dict[Path, bytes]]:
-    """Valid files in a folder of their own: what is to be read, and what they hold."""
+    """Valid files in a separate folder: the path to read, and their contents."""
     folder = folder / reader
     folder.mkdir()
     path = READERS[reader].write(folder)
@@ -116,7 +116,7 @@ def whole(folder: Path, reader: str) -> tuple[Path, dict[Path, bytes]]:
 
 @st.composite
 def cases(draw: st.DrawFn, files: dict[Path, bytes]) -> tuple[Path, bytes]:
-    """One of the files, and what it holds when it is damaged."""
+    """One of the files, and its damaged contents."""
     file = draw(st.sampled_from(sorted(files)))
     content = files[file]
     is_sealed = content.startswith((PNG, b"PK"))

@@ -1,4 +1,4 @@
-"""What a file in JSON means, told by its keys, and where nothing tells, refused."""
+"""The keys of a JSON file decide its meaning; ambiguous files are refused."""
 
 import dataclasses
 import re
@@ -88,7 +88,7 @@ def test_cameras_of_multical_that_stand_relative_to_each_other(chain, tmp_path):
     path = files.saved(tmp_path / "calibration.json", {"cameras": lenses, "camera_poses": poses})
     R, t = relative(rig.R, rig.t)
     assert_same(read_calibration(path).cameras, dataclasses.replace(rig, R=R, t=t))
-    # The camera that is the frame need not have a pose of its own: it has none then, and is left out.
+    # The reference camera need not have a pose of its own; without one it is left out.
     files.changed_file(path, lambda table: table["camera_poses"].pop(rig.names[0]))
     found = read_calibration(path)
     assert found.unposed == rig.names[:1]

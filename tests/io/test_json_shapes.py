@@ -1,4 +1,4 @@
-"""JSON whose values are of other kinds than they should be: a valid rig, or a refusal of one line."""
+"""JSON with values of wrong types: the result is a valid rig, or a refusal of one line."""
 
 import copy
 import json
@@ -21,18 +21,18 @@ ODD = [None, True, False, 0, -1, 1e308, 10**30, 10**400, float("nan"), float("-i
 
 
 def places(value: Any, so_far: tuple = ()) -> list[tuple]:
-    """Where there is something in a tree of lists and objects."""
+    """The paths of all values in a tree of lists and objects."""
     inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     return [so_far, *(place for key, each in inner for place in places(each, (*so_far, key)))]
 
 
 @st.composite
 def changed(draw: st.DrawFn, table: Any) -> Any:
-    """A tree of which some values are odd, lost, doubled, or those of other places."""
+    """A tree in which some values are odd, lost, doubled, or copied from other places."""
     table = copy.deepcopy(table)
     for _ in range(draw(st.integers(1, 3))):
         all_places = places(table)
-        # What is near the root is as likely as one of the many numbers.
+        # Values near the root are as likely to be chosen as one of the many numbers.
         depth = draw(st.integers(0, max(len(place) for place in all_places)))
         place = draw(st.sampled_from([place for place in all_places if len(place) == depth]))
         other = draw(st.sampled_from(all_places))

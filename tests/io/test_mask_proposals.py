@@ -1,4 +1,4 @@
-"""What `init` writes of masks that are not black and white, and of names that are not numbers."""
+"""What `init` writes for masks that are not black and white, and for names that are not numbers."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +13,7 @@ from jaxskel.io.proposals._proposals import Proposal
 from jaxskel.io.recordings import read_recording
 
 NAMES = ("left", "front", "right")
-# Rows above the lower part: the figure is small, and what is smaller still is an edge and no part.
+# Rows above the lower part. The figure is small, and smaller regions count as edges, not parts.
 UPPER = 19
 
 

@@ -1,4 +1,4 @@
-"""What is the person in masks: whatever is not background, or what values a person names; never a black view unsaid."""
+"""The person in masks: everything but background, or the stated values; black views are never silent."""
 
 from pathlib import Path
 
@@ -122,7 +122,7 @@ def test_values_that_cannot_be_the_person_are_refused(tmp_path, write, person, t
 
 
 def long_view(tmp_path: Path, count: int, shown: dict[int, np.ndarray], empty: np.ndarray) -> Path:
-    """Images that are empty but for a few."""
+    """Images that are empty except for a few."""
     for number in range(count):
         Image.fromarray(shown.get(number, empty)).save(folder(tmp_path) / f"{number:04d}.png")
     return folder(tmp_path)
@@ -150,7 +150,7 @@ def test_black_views_stay_black(tmp_path):
 
 
 def with_one_other(tmp_path: Path, most: np.ndarray, other: np.ndarray) -> View:
-    """A view with an image in it that does not go with the others, where nobody looks before."""
+    """A view with one inconsistent image, which is not among those sampled beforehand."""
     return view_of(long_view(tmp_path, 60, {31: other}, most))
 
 
@@ -195,7 +195,7 @@ def test_other_labels_and_nobody_are_no_contradiction(tmp_path, other):
 
 
 def test_dim_edges_alone_are_nobody_in_soft_masks(tmp_path):
-    """A person about to come into the picture: nothing is half white yet."""
+    """A person about to enter the image: no pixel is half white yet."""
     dim = np.uint8(120 * soft(0))
     view = with_one_other(tmp_path, np.uint8(255 * soft(0)), dim)
     assert not view.silhouette(31).any()
@@ -203,7 +203,7 @@ def test_dim_edges_alone_are_nobody_in_soft_masks(tmp_path):
 
 @pytest.mark.parametrize("dark", [16, 0])
 def test_a_black_that_is_not_0_is_nobody(tmp_path, dark):
-    """As in images that were taken out of a video."""
+    """As in images extracted from a video."""
     lit = np.where(body(0), 235, dark).astype(np.uint8)
     empty = np.full(SIZE[::-1], dark, np.uint8)
     empty[::2, ::3] += 2

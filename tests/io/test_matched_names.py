@@ -1,4 +1,4 @@
-"""Which camera a view is of."""
+"""Matching of views to cameras."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What a folder is proposed to be: cases built as people have them, each with what should be said."""
+"""Proposals for folders as people have them, each with the expected messages."""
 
 import shutil
 import subprocess
@@ -32,7 +32,7 @@ def test_what_is_proposed_is_the_recording(tmp_path, kind):
     seen = np.bitwise_count(read.silhouettes[:]).sum((2, 3)) / np.bitwise_count(wanted.silhouettes[:, order]).sum(
         (2, 3)
     )
-    assert (abs(seen - 1) < 0.1).all()  # corners are rounded where pictures are cut out
+    assert (abs(seen - 1) < 0.1).all()  # corners become rounded when the person is cut out of pictures
     assert read.fps == 25.0
 
 

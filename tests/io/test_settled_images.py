@@ -1,4 +1,4 @@
-"""What was done to images: changes of images by NumPy, found from sizes and silhouettes."""
+"""Changes of images, made by NumPy and found from sizes and silhouettes."""
 
 import cv2
 import numpy as np
@@ -15,7 +15,7 @@ TALL = (256, 216)
 
 
 def seen(changes, size=SIZE) -> SeenViews:
-    """What the cameras of this image size see, with a change of the images of all views, or of each."""
+    """Images of the cameras at this size, with a change for all views, or one for each."""
     changes = changes if isinstance(changes, list) else [changes] * VIEWS
     images = [[change(image[view]) for view, change in enumerate(changes)] for image in masks(size)]
     found = {}

@@ -1,4 +1,4 @@
-"""Silhouettes that stay in their file are those that are read at once."""
+"""Silhouettes read from their file on access equal those read at once."""
 
 import zipfile
 from pathlib import Path

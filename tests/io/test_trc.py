@@ -1,4 +1,4 @@
-"""TRC: written for OpenSim and read by other people's reader; reference files; damaged texts."""
+"""TRC: written for OpenSim and read by another reader; reference files; damaged texts."""
 
 from pathlib import Path
 
@@ -23,10 +23,10 @@ def as_others_read(path: Path) -> trc.TRCData:
 
 
 def as_opensim_reads(path: Path) -> tuple[dict[str, str], list[str], np.ndarray, np.ndarray]:
-    """By the rules of OpenSim's TRCFileAdapter, of which any that is broken fails here."""
+    """Read by the rules of OpenSim's TRCFileAdapter; any broken rule fails here."""
 
     def cells(line: str) -> list[str]:
-        # A carriage return parts cells too, and what follows the last delimiter counts only if it is something.
+        # A carriage return separates cells too, and an empty cell after the last delimiter does not count.
         found = line.replace("\r", "\t").split("\t")
         return found if found[-1] else found[:-1]
 

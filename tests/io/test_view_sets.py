@@ -1,4 +1,4 @@
-"""Sets of views in folders, and what their names say."""
+"""Sets of views in folders, and the meaning of their names."""
 
 from pathlib import Path
 

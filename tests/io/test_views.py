@@ -10,7 +10,7 @@ SIZE = (24, 16)  # width and height
 
 
 def mask(number: int) -> np.ndarray:
-    """A square whose place tells the image's number."""
+    """A square whose position encodes the image's number."""
     drawn = np.zeros(SIZE[::-1], bool)
     drawn[4:12, number : number + 8] = True
     return drawn
@@ -161,7 +161,7 @@ def test_long_recordings_do_not_stay_in_memory(tmp_path):
 
 
 def broken(tmp_path: Path, what: str) -> None:
-    """Open and read what cannot be."""
+    """Open and read a faulty view."""
     if what == "no folder":
         ImageFolder(tmp_path / "none")
     elif what == "no images":

@@ -9,7 +9,7 @@ DEAR = 20.0
 
 
 def hypotheses(*elsewhere: bool) -> np.ndarray:
-    """One frame; hypotheses of which some put the left hand elsewhere than the first."""
+    """One frame; some hypotheses have the left hand in a different place than the first one."""
     joints = np.zeros((1, 1 + len(elsewhere), 15, 3))
     for number, away in enumerate(elsewhere, 1):
         joints[0, number, 5] = [0.0, 0.0, 0.2 * away]
@@ -32,7 +32,7 @@ def test_a_cheaper_rival_leaves_little():
     assert searched_confidence(hypotheses(True), np.array([[15.0, 5.0]]), DEAR)[0, 5] < 0.1
 
 
-def test_a_dear_pose_is_trusted_less_in_every_joint():
+def test_a_costly_pose_is_trusted_less_in_every_joint():
     trust = [searched_confidence(hypotheses(False), np.array([[c, c]]), DEAR)[0] for c in (20.0, 40.0, 1e9)]
     np.testing.assert_allclose(trust[0], 1.0)
     np.testing.assert_allclose(trust[1], np.exp(-1), rtol=1e-6)
@@ -43,7 +43,7 @@ def test_infinite_costs_are_no_rivals():
     assert searched_confidence(hypotheses(True), np.array([[5.0, np.inf]]), DEAR)[0, 5] == 1.0
 
 
-def test_what_nobody_explains_takes_trust_away_until_it_is_no_subject():
+def test_unexplained_outlines_lower_the_confidence_to_zero():
     shares = np.linspace(0, 0.6, 61)
     trust = trust_in_explained(shares)
     np.testing.assert_array_equal(trust[shares <= 0.125], 1.0)

@@ -24,7 +24,7 @@ def ours(a, b, padding=0.0, size=LENGTH) -> float:
 
 @cache
 def warping_paths(rows: int, columns: int) -> list[list[tuple[int, int]]]:
-    """All ways from the first pair to the last one by steps in one sequence, the other, or both."""
+    """All warping paths from the first pair to the last one, by steps in one sequence, the other, or both."""
     if (rows, columns) == (1, 1):
         return [[(0, 0)]]
     before = [(r, c) for r, c in ((rows - 1, columns), (rows, columns - 1), (rows - 1, columns - 1)) if r and c]
@@ -77,7 +77,7 @@ def test_dtw_is_symmetric_and_never_negative(a, b):
     assert abs(ours(a, b) - ours(b, a)) < 1e-12
 
 
-def test_nothing_cannot_be_warped():
+def test_an_empty_sequence_cannot_be_warped():
     assert ours([], [1.0, 2.0]) == np.inf
 
 

@@ -52,7 +52,7 @@ def shuffled(graph: SkeletalGraph, names: list[str], seed: int) -> tuple[Skeleta
 
 
 def labelled(graph: SkeletalGraph, names: list[str], matcher) -> list[list[str]]:
-    """What the matcher calls head, hands and feet."""
+    """The end nodes that the matcher labels as head, hands and feet."""
     ends = describe_ends([graph])
     found = [names[node] for node in ends.nodes[0, matcher.match(ends, ADULT).ends[0]]]
     return [sorted(found[pair]) for pair in PAIRS]

@@ -20,7 +20,7 @@ def along(points) -> tuple[np.ndarray, float]:
 
 
 def person(toes=0.2, knees=0.0, turn=0.0, found=(True,) * 5, crossed=False) -> Limbs:
-    """A standing person who faces x, with feet that reach so far before the ankles and knees bent so far (m)."""
+    """A standing person who faces x; feet extend and knees bend forwards by the given lengths (m)."""
     ways = [[AT["head_top"], AT["head_top"] - [0, 0, 0.01]]]
     trunk = [AT["head_top"], AT["neck"]]
     for side in "lr":
@@ -97,11 +97,11 @@ def test_the_person_in_the_mirror_is_exchanged(name):
     assert confidence[0] > 0.75
 
 
-def test_nothing_tells():
+def test_without_evidence_sides_are_a_guess():
     # No feet and straight knees: neither side is the front.
     _, facing, confidence = tell_sides(person(toes=0.0), ADULT)
     assert confidence[0] < 0.55
-    # A hair's breadth of a foot says which side is the front, but not loudly.
+    # A very short foot shows which side is the front, with low confidence.
     _, facing, confidence = tell_sides(person(toes=0.01), ADULT)
     assert 0.5 < confidence[0] < 0.65
     # No legs at all.

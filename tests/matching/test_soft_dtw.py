@@ -33,7 +33,7 @@ def ours(a, b, gamma, padding=0.0) -> float:
 
 
 def gradient(a, b, gamma, padding=0.0) -> list[np.ndarray]:
-    """By the first sequence, the second one and gamma."""
+    """Gradients by the first sequence, the second one and gamma."""
     with jax.enable_x64(True):
         found = slopes(padded(a, padding), np.array(len(a)), np.array(b, float), np.array(gamma, float))
     return [np.asarray(part) for part in found]
@@ -41,7 +41,7 @@ def gradient(a, b, gamma, padding=0.0) -> list[np.ndarray]:
 
 @cache
 def warping_paths(rows: int, columns: int) -> list[np.ndarray]:
-    """Which pairs each way from the first pair to the last one goes through."""
+    """The pairs that each warping path goes through."""
     if (rows, columns) == (1, 1):
         return [np.ones((1, 1))]
     found = []
@@ -77,7 +77,7 @@ def test_it_becomes_dtw_as_gamma_goes_to_zero(a, b):
     with jax.enable_x64(True):
         exact = float(hard(padded(a), np.array(len(a)), np.array(b, float)))
     distances = [exact - ours(a, b, gamma) for gamma in (1.0, 0.1, 1e-3, 1e-6)]
-    # Never above it, and as far below as all paths together can bring it, if all were as cheap as the cheapest.
+    # Never above it, and below it at most by the value for which all paths are as cheap as the cheapest.
     for gamma, below in zip((1.0, 0.1, 1e-3, 1e-6), distances, strict=True):
         assert -1e-9 < below <= gamma * np.log(len(warping_paths(len(a), len(b)))) + 1e-9
     assert (np.diff(distances) < 1e-9).all()
@@ -115,7 +115,7 @@ def test_gradients_are_finite_differences(length, gamma):
         check_grads(lambda *given: soft(given[0], n, *given[1:]), (a, b, jnp.asarray(gamma)), 1, eps=1e-6)
 
 
-def test_nothing_cannot_be_warped_and_has_no_gradient():
+def test_an_empty_sequence_cannot_be_warped_and_has_no_gradient():
     assert ours([], [1.0, 2.0, 3.0, 4.0], 0.1, np.nan) == np.inf
     for part in gradient([], [1.0, 2.0, 3.0, 4.0], 0.1, np.nan):
         np.testing.assert_array_equal(part, 0.0)

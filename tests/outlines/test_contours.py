@@ -46,7 +46,7 @@ MASKS = {
         [(slice(4, 5), slice(7, 8)), (slice(5, 6), slice(8, 9))],
         {(6.5, 4), (7.5, 4), (7, 3.5), (7, 4.5), (7.5, 5), (8.5, 5), (8, 4.5), (8, 5.5)},
     ),
-    # The image ends at the corner: nobody knows where the person does.
+    # The person is cut off by the corner of the image, so there is no outline there.
     "a corner of the image": ([(slice(0, 1), slice(0, 1))], {(0.5, 0), (0, 0.5)}),
     "the last corner": ([(slice(11, 12), slice(15, 16))], {(14.5, 11), (15, 10.5)}),
     "a band across the image": ([(slice(5, 7), slice(0, 16))], {(u, v) for u in range(16) for v in (4.5, 6.5)}),
@@ -66,7 +66,7 @@ def test_holes_have_outlines_too():
 
 
 def test_columns_beyond_the_image_are_only_filling():
-    # 13 pixels take two bytes: the last three bits are no background.
+    # 13 pixels take two bytes: the last three bits are padding, not background.
     mask = drawn((slice(2, 4), slice(11, 13)), width=13)
     assert seen(mask, one_camera(13)) == {(10.5, 2), (10.5, 3), (11, 1.5), (12, 1.5), (11, 3.5), (12, 3.5)}
 
@@ -159,7 +159,7 @@ def test_rays_project_onto_the_outline(dist):
     silhouettes = film(cameras, [np.array([[0.0, 0.1, 1.2, 0.4], [0.1, -0.2, 0.6, 0.3]])])
     mask = unpack_silhouettes(silhouettes, 320)[0, 0]
     found = contours(silhouettes, cameras, np.zeros((1, 1), bool), 300)
-    # Wherever on the ray: near the body and beyond it.
+    # At different places on the ray: near the body and beyond it.
     for along in (0.5, 4.0):
         points = np.asarray(found.centres[0] + along * found.directions[0], np.float64)
         u, v, _ = (np.asarray(a)[0] for a in project(cameras, points))

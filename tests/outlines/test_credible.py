@@ -57,7 +57,7 @@ def test_holes_and_blobs_are_left_out(disc):
     kept = credible(outlines, silhouettes, MIDDLE, EIGHT, 1500)
     assert kept.centres.shape == (1, 1500, 3)
     assert (off_the_post(kept) > 0.05).sum() < 0.2 * (off_the_post(outlines) > 0.05).sum()
-    # True outlines stay, of the damaged view too.
+    # True outlines stay, also in the damaged view.
     assert (off_the_post(kept) < 0.03).sum() > 1400
     own = np.linalg.norm(np.asarray(kept.centres[0]) - CAMERAS.centres[disc[0]], axis=1) < 1e-3
     assert own.sum() > 100

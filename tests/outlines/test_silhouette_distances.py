@@ -13,7 +13,7 @@ from jaxskel import Cameras, make_cameras, pack_silhouettes
 from jaxskel.outlines import SilhouetteDistances, silhouette_distances
 
 FOCAL = 100.0
-# OpenCV's distance by steps of 3 x 3 pixels: a step along a row counts so much, none is off by more than 5 %.
+# OpenCV's 3 x 3 distance transform gives a step along a row this length; errors are at most 5 %.
 STEP = 0.955
 
 
@@ -27,7 +27,7 @@ def standing(*sizes: tuple[int, int]) -> Cameras:
 def measured(
     masks: Sequence[np.ndarray], cameras: Cameras, empty_views: Sequence[bool] | None = None
 ) -> SilhouetteDistances:
-    """Of one frame, in a batch of two frames whose other one is black."""
+    """Distances of one frame, in a batch of two frames whose other one is black."""
     height, width = (max(mask.shape[axis] for mask in masks) for axis in (0, 1))
     whole = np.zeros((2, len(masks), height, width), bool)
     for view, mask in enumerate(masks):
@@ -155,7 +155,7 @@ def test_images_of_different_sizes_share_a_rig():
         places = [(u, v) for u in np.linspace(0, width - 1, 9) for v in np.linspace(0, height - 1, 7)]
         np.testing.assert_allclose(at_pixels(found, view, places), at_pixels(alone[view], 0, places), atol=0.02)
     assert at_pixels(found, 0, [(39, 29)])[0] < -8
-    # Pixels that only the larger image has tell nothing.
+    # Pixels that only the larger image has give no information.
     assert (at_pixels(found, 0, [(45, 10), (10, 40), (60, 45)]) * 2 / FOCAL < -1).all()
 
 

@@ -1,4 +1,4 @@
-"""Outermost epipolar tangents: silhouettes of a right rig have them in common, all others do not."""
+"""Outermost epipolar tangents: they coincide for the silhouettes of a right rig, and not for those of a wrong one."""
 
 import numpy as np
 import pytest

@@ -85,7 +85,7 @@ def test_a_subjects_file_keeps_lengths_and_body(found, tmp_path):
 
 
 def poses_with(segment: str, axis: tuple[float, float, float], angles: list[float]) -> Pose:
-    """Standing at rest, but for one segment turned about an axis."""
+    """Poses at rest except for one segment, which is rotated about an axis."""
     rotations = np.tile(np.eye(3), (len(angles), 17, 1, 1))
     about = np.repeat(np.array([axis]), len(angles), 0)
     rotations[:, SEGMENT_NAMES.index(segment)] = turn_about(about, np.array(angles))
@@ -128,7 +128,7 @@ def test_a_realistic_body_from_a_template_that_is_too_tall():
 
 
 def test_flesh_around_known_joints_is_measured(tmp_path):
-    # A person made of the body's own capsules: what is found is what was put there.
+    # A person made of the body's own capsules, so that the calibration must find exactly these.
     recording, motion = film_person(PERSON, 16)
     joints, tips = (np.asarray(a, np.float64) for a in place_joints(PERSON.skeleton, motion))
     known = eqx.tree_at(lambda r: r.truth, recording, Truth(joints, tips))

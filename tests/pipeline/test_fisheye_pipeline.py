@@ -1,4 +1,4 @@
-"""What is made of views through fisheye lenses, beside ordinary ones: hulls, outlines, rigs, poses."""
+"""Views through fisheye lenses beside ordinary ones: their hulls, outlines, rigs and poses."""
 
 from dataclasses import replace
 
@@ -63,7 +63,7 @@ def test_the_hull_contains_the_body_and_covers_the_silhouettes(cameras, packed):
     masks = np.unpackbits(packed, axis=-1)[0].astype(bool)
     found = agreement(reproject(hulls, 0, cameras, SIZE[1], SIZE[0]), masks)
     assert found.coverage.min() > 0.97
-    # Voxels are as wide as arms are thick; in views through ordinary lenses they stick out no less.
+    # Voxels are as wide as arms, so they stick out; in views through ordinary lenses they do so as well.
     assert found.spill[::2].max() < found.spill[1::2].max()
 
 

@@ -34,7 +34,7 @@ def test_two_processes_give_what_one_gives():
     np.testing.assert_array_equal(together.joints, alone.joints)
 
 
-def test_no_jobs_are_refused():
+def test_zero_jobs_are_refused():
     with pytest.raises(ValueError, match="0 jobs: give at least one"):
         next(reconstruct_parallel(make_scene(2, cameras=camera_ring(3, size=(160, 120))), 0))
 
@@ -58,7 +58,7 @@ def test_batches_come_in_order_and_tracks_are_handed_on(monkeypatch):
 
     def batch(silhouettes, track):
         start = first[silhouettes[0].tobytes()]
-        time.sleep(0.02 if start < 64 else 0.0)  # the first ones are the last to be done
+        time.sleep(0.02 if start < 64 else 0.0)  # the first batches finish last
         followed.append((track and track.since, start))
         count = len(silhouettes)
         empty = np.full((count, 15, 3), np.nan, np.float32), np.full((count, 5, 3), np.nan, np.float32)

@@ -1,6 +1,6 @@
 """The whole method on a scene of our own: accuracy, laws of space, failures as data.
 
-What is about grids, cameras and statuses is tested without the search, which takes far longer.
+Grids, cameras and statuses are tested without the search, which takes far longer.
 """
 
 import equinox as eqx
@@ -33,7 +33,7 @@ GRAPH = graph_settings()
 
 @pytest.fixture(scope="module")
 def scene() -> Recording:
-    """The whole motion of twelve seconds in as many frames as the search takes at once."""
+    """The whole motion of twelve seconds in one batch of frames."""
     return make_scene(8, fps=8 / 12)
 
 
@@ -78,7 +78,7 @@ def test_default_finds_every_joint_and_the_body_of_the_subject(scene):
     d = distances_mm(poses.joints, scene.truth.joints)
     assert np.median(d) < 12
     assert d.max() < 50
-    # Calibrated on these frames: no longer the average adult's.
+    # The body is calibrated on these frames, so it differs from the average adult's.
     average = make_body(scene.skeleton)
     assert np.abs(np.asarray(prepared.body.radii) - average.radii).max() > 0.003
     np.testing.assert_array_equal(prepared.body.skeleton.rest_joints, scene.skeleton.rest_joints)
@@ -112,7 +112,7 @@ def test_left_and_right_are_told_apart(scene, poses):
 
 
 def test_joints_far_from_the_truth_are_trusted_less(longer):
-    poses = reconstruct(longer, paper_settings())  # takes a raised hand for the head
+    poses = reconstruct(longer, paper_settings())  # it mistakes a raised hand for the head
     far = distances_mm(poses.joints, longer.truth.joints) > 100
     assert far.sum() > 10
     assert poses.confidence[far].mean() < poses.confidence[~far].mean() - 0.3
@@ -130,7 +130,7 @@ def test_without_pivots_all_bones_have_exactly_the_lengths_of_the_template(scene
 
 def test_by_default_rigid_parts_have_exactly_the_lengths_of_the_template(scene, poses):
     skeleton = scene.skeleton
-    bent = np.array(JOINT_OF_PIVOT) - 1  # of the bones: a wrist or an ankle within
+    bent = np.array(JOINT_OF_PIVOT) - 1  # bones with a wrist or an ankle inside
     np.testing.assert_allclose(
         np.delete(bones(poses.joints), bent, 1), np.tile(np.delete(skeleton.bone_lengths, bent), (8, 1)), atol=2e-6
     )
@@ -152,7 +152,7 @@ def test_by_default_rigid_parts_have_exactly_the_lengths_of_the_template(scene, 
 def test_mirrored_scene_gives_the_mirrored_pose(scene, poses):
     other = reconstruct(mirrored(scene), with_known_body(scene))
     d = distances_mm(other.joints[:, MIRROR_JOINTS] * [1, -1, 1], poses.joints)
-    # Rays through the outlines are drawn in an order that a mirror turns round.
+    # The mirror reverses the order in which rays through the outlines are drawn.
     assert np.median(d) < 5
     assert d.max() < 25
 
@@ -160,7 +160,7 @@ def test_mirrored_scene_gives_the_mirrored_pose(scene, poses):
 def test_mirrored_scene_gives_the_mirrored_pose_by_the_graph(scene, of_graph):
     other = reconstruct(mirrored(scene), GRAPH)
     d = distances_mm(other.joints[:, MIRROR_JOINTS] * [1, -1, 1], of_graph.joints)
-    # Ties between equal clusters are broken by voxel order, which a mirror turns round: a few frames differ.
+    # Ties between equal clusters are broken by voxel order, which the mirror reverses: a few frames differ.
     assert np.median(d) < 2
     assert (d.max(1) < 50).mean() > 0.85
 
@@ -181,7 +181,7 @@ def test_moved_world_gives_the_moved_pose(scene, poses):
         ("z", 90, (0.0, 0.0, 0.0), "+Z", 1.0),
         ("z", 37, (0.51, -1.207, 0.303), "+Z", 15.0),
         ("x", -90, (0.0, 0.0, 0.0), "+Y", 1.0),
-        ("y", -90, (0.3, 0.15, 0.0), "-X", 5.0),  # turns the order of the voxels round, as the mirror does
+        ("y", -90, (0.3, 0.15, 0.0), "-X", 5.0),  # reverses the order of the voxels, as the mirror does
     ],
 )
 def test_moved_world_gives_the_moved_pose_by_the_graph(scene, of_graph, axis, angle, shift, up, median):

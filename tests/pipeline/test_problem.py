@@ -1,4 +1,4 @@
-"""All that comes before the refinement, for notebooks: the same as the pipeline does."""
+"""The refinement problem for notebooks: its stages before the refinement are those of the pipeline."""
 
 import jax
 import numpy as np

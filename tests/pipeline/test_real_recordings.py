@@ -1,4 +1,4 @@
-"""Real recordings, from the files that people have to poses; without the shared data these tests skip."""
+"""Real recordings, from the original files to poses. These tests are skipped without the shared data."""
 
 import shutil
 
@@ -18,7 +18,7 @@ from jaxskel.io.recordings import read_recording
 REAL = SHARED / "real"
 pytestmark = pytest.mark.skipif(not REAL.is_dir(), reason=f"needs {REAL}, which is not part of the package")
 
-# Markers of the reference at the same place as joints of the template; a hand is the palm, a foot the ball of it.
+# Markers of the reference at the places of template joints: a hand is its palm, a foot its ball.
 MARKERS = {
     "neck": "Neck", "l_shoulder": "LShoulder", "r_shoulder": "RShoulder", "l_elbow": "LElbow", "r_elbow": "RElbow",
     "l_hand": "LWrist", "r_hand": "RWrist", "l_hip": "LHip", "r_hip": "RHip", "l_knee": "LKnee", "r_knee": "RKnee",
@@ -62,7 +62,7 @@ def test_a_seated_person_from_raw_videos_is_a_fat_hull_and_no_bold_pose(tmp_path
     )  # fmt: skip
     proposal = propose_recording(tmp_path)
     assert proposal.text.count("plate = ") == 4
-    # A student's wrong extrinsics lie in the folders of the films.
+    # The folders of the films also hold wrong extrinsics.
     (doubt,) = proposal.doubts
     assert doubt == "calibrations calibration.npz, the files in the folders of the views: the first is taken"
     (tmp_path / "recording.toml").write_text(proposal.text.replace("fps", "frames = [0, 12]\nfps", 1))
@@ -103,7 +103,7 @@ def test_eight_views_from_images_and_videos_are_the_recording_in_one_file(tmp_pa
     (tmp_path / "recording.toml").write_text(propose_recording(tmp_path, fps=25.0).text)
     found = read_recording(tmp_path)
     np.testing.assert_array_equal(found.silhouettes[:], wanted.silhouettes)
-    # Poses follow from these, and from nothing else.
+    # The poses depend on nothing but these.
     for field in ("K", "R", "t", "dist", "size"):
         np.testing.assert_array_equal(getattr(found.cameras, field), getattr(wanted.cameras, field))
     assert (found.fps, found.up) == (wanted.fps, wanted.up)

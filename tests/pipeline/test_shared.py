@@ -1,4 +1,4 @@
-"""Realistic bodies and a real recording, which lie beside the checkout where the project is developed."""
+"""Realistic bodies and a real recording, from the shared data beside the developers' checkout."""
 
 import equinox as eqx
 import numpy as np
@@ -18,7 +18,7 @@ def run(recording: Recording):
 @needs(SEQUENCE)
 def test_a_realistic_body_with_free_arms():
     recording = read_recording(SEQUENCE)[::8]
-    # As many cameras as elsewhere in the tests, and of the same names, so that nothing is compiled again.
+    # The same number and names of cameras as in other tests, so that nothing is compiled again.
     recording = eqx.tree_at(
         lambda r: (r.cameras, r.silhouettes), recording, (recording.cameras[:8], recording.silhouettes[:, :8])
     )

@@ -25,7 +25,7 @@ GRAPH = graph_settings()
 
 @pytest.fixture(scope="module")
 def scene() -> Recording:
-    """The whole motion of twelve seconds in as many frames as the search takes at once."""
+    """The whole motion of twelve seconds in one batch of frames."""
     return make_scene(8, fps=8 / 12)
 
 
@@ -98,7 +98,7 @@ def test_masks_cut_in_half_give_no_pose(scene):
 def test_dimensions_of_somebody_else_are_refused(scene, searching):
     child = make_skeleton(0.5 * np.asarray(scene.skeleton.rest_joints), 0.5 * np.asarray(scene.skeleton.rest_tips))
     recording = eqx.tree_at(lambda r: r.skeleton, scene, child)
-    # The dearer the poses, the longer the search: here a short one will do.
+    # The search takes longer if poses cost more, so a short one is used here.
     settings = replace(with_known_body(recording), search=Search(again=0, doubtful=np.inf)) if searching else GRAPH
     poses = reconstruct(recording, settings)
     assert set(names(poses)) == {"NO_MATCH"}
@@ -111,5 +111,5 @@ def test_voting_forgives_a_hole_in_one_view(scene):
     strict, voted = (reconstruct(holed, with_hull(GRAPH, max_misses=misses)) for misses in (0, 1))
     assert (~strict.has_pose).mean() > 0.5
     assert voted.has_pose.mean() > 0.9
-    # By default the silhouettes say how many views err.
+    # By default the number of views that may err is chosen from the silhouettes.
     assert prepare(holed, with_hull(GRAPH, max_misses=None)).max_misses == 1

@@ -1,4 +1,4 @@
-"""One table of every term, parametrisation and solver: content with the truth, rightly differentiated, and solving."""
+"""One table of every term, parametrisation and solver: the truth is a minimum, Jacobians are right, solves succeed."""
 
 import equinox as eqx
 import jax
@@ -46,7 +46,7 @@ def points_of(pose: Pose) -> np.ndarray:
 
 
 def points(body, observed, goal):
-    """Joints and tips, as markers would show them."""
+    """Joints and tips at known positions, like markers."""
     return jnp.concatenate([body.joints, body.tips]) - goal
 
 
@@ -55,20 +55,20 @@ def stacked(*poses: Pose) -> Pose:
 
 
 def between(pose: Pose, other: Pose, share: float) -> Pose:
-    """A part of the way from one pose to another."""
+    """A pose between two poses."""
     blend = jax.tree.map(lambda a, b: (1 - share) * a + share * b, pose, other)
     left, _, right = np.linalg.svd(blend.rotations)
     return Pose(blend.root, (left @ right).astype(np.float32))
 
 
 def truth_of(name: str) -> Pose:
-    """The pose that a term is content with; the rest prior knows but one."""
+    """A pose that minimises a term; for the rest prior there is only one."""
     return Pose(TRUTH.root, np.broadcast_to(TRUTH.rotations[:1], (17, 3, 3))) if name == "rest prior" else TRUTH
 
 
 RAISED, BENT = turned("l_upper_arm", "x", 40), turned("l_shank", "y", -60)
-# Term; parametrisation and pose that leave it something to say; bound of its residual at the truth. A voxel is 20 mm
-# wide, a pixel 11 mm.
+# Term; parametrisation and pose with a nonzero residual; bound of its residual at the truth. A voxel is 20 mm wide, a
+# pixel 11 mm.
 TERMS = {
     "graph attraction": (GraphAttraction(), HINGED, RAISED, 1e-5),
     "end nodes": (EndNodeAttraction(), HINGED, RAISED, 1e-5),
@@ -112,7 +112,7 @@ def test_the_table_has_all_terms_and_parametrisations():
     from jaxskel.refinement import parametrisations, terms
 
     def parts(module, kind):
-        # Contrast: abstract classes and what only serves others.
+        # Not in the table: abstract classes and helpers.
         abstract = (
             "AbstractTerm",
             "CapsuleTerm",
@@ -140,18 +140,18 @@ def test_a_term_is_content_with_the_truth(observed, name):
         return jnp.linalg.norm(term.residual(body, observed, term.correspond(body, observed)))
 
     assert norm(truth_of(name)) < bound
-    if name != "symmetry":  # which no pose with the template's lengths offends
+    if name != "symmetry":  # zero for any pose with the template's lengths
         assert norm(wrong) > 2 * bound
 
 
 def alike(parametrisation: Parametrisation) -> dict[str, AbstractTerm]:
-    """All terms that the table has for a kind of parametrisation: what takes them together is compiled once."""
+    """All terms in the table for a kind of parametrisation, taken together so that they are compiled once."""
     return {name: row[0] for name, row in TERMS.items() if type(row[1]) is type(parametrisation)}
 
 
 @eqx.filter_jit
 def slopes(terms, parametrisation, base, skeleton, seen, here, along):
-    """Of each term's residual along a direction, derived and divided."""
+    """Directional derivative of each term's residual: automatic, and by finite differences."""
     fixed = {name: term.correspond(parametrisation.placed(base, skeleton), seen) for name, term in terms.items()}
 
     def residuals(unknowns):
@@ -180,7 +180,7 @@ def test_the_jacobian_of_a_term_is_finite_differences(observed, name):
 
 
 def started(parametrisation: Parametrisation, spread: float, count: int, seed: int = 0) -> Pose:
-    """Poses around the truth, the last of which is none at all."""
+    """Poses around the truth; the last one is NaN."""
     unknowns = spread * np.random.default_rng(seed).normal(size=(count, parametrisation.unknowns().size))
 
     def displaced(unknowns):
@@ -195,7 +195,7 @@ COUNT = 8
 
 
 def solved(parametrisation, solver, observed, rounds=4, max_steps=400):
-    """Solve for markers; by how much points are off before and after (m)."""
+    """Solve for markers; return the errors of the points before and after (m)."""
     rest = RestPrior(weight=1e-7, firmness=np.ones(16, np.float32))
     objective = Objective({"points": from_function(points, points_of(TRUTH), weight=100.0), "rest": rest})
     start = started(parametrisation, 0.1, COUNT)
@@ -210,7 +210,7 @@ def solved(parametrisation, solver, observed, rounds=4, max_steps=400):
 def assert_recovered(result, before, after, bound=2e-3):
     whole = np.arange(COUNT - 1)
     assert before[whole].min() > 0.1
-    # Failures are counted: the frame without a pose is one, and any that did not come back would be told.
+    # Failures are counted: only the frame without a pose may fail.
     np.testing.assert_array_equal(np.flatnonzero(~np.asarray(result.finite)), [COUNT - 1])
     assert not result.converged[-1]
     assert after[whole].max() < bound
@@ -240,10 +240,10 @@ def test_a_solve_for_one_term_comes_near_its_content(observed, name):
     start = between(truth_of(name), wrong, 0.3)
     if name == "symmetry":
         parametrisation = SoftBones(weight=1e-3)
-    # All terms of a parametrisation in one objective, those that are not meant without weight: compiled once.
+    # All terms of a parametrisation in one objective, so that it is compiled once; the other terms get zero weight.
     terms = alike(parametrisation)
     weights = {other: 1e4 if other == name else 0.0 for other in terms}
-    # What a term says nothing about stays about where it is.
+    # Unknowns that a term does not constrain stay about where they are.
     anchor = from_function(points, points_of(start), weight=10.0)
     objective = Objective(terms | {"anchor": anchor}).weighted(**weights)
     seen = jax.tree.map(lambda a: jnp.asarray(a)[None], observed)

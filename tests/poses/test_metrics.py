@@ -27,7 +27,7 @@ def joint(name: str) -> int:
 
 
 def wrongs(found: Score, forgive_swaps: bool = False) -> dict[str, int]:
-    """The limbs that are wrong at all, with their counts."""
+    """The limbs that are wrong in any frame, with their counts."""
     counts = {limb: found.wrong(limb, forgive_swaps) for limb in LIMBS}
     return {limb: count for limb, count in counts.items() if count}
 
@@ -100,7 +100,7 @@ def test_the_smaller_sum_of_both_hands_decides():
     assert found.distances[0, [left, right]] == pytest.approx([0.2, 0.2])
     assert found.forgiven[0, [left, right]] == pytest.approx([0.0, 0.3])
     assert wrongs(found, forgive_swaps=True) == {"r_hand": 1}
-    # The sides of the pose the other way round: now they are kept.
+    # With the sides of the pose exchanged, they are kept.
     poses[0, [left, right]] = poses[0, [right, left]]
     found = score(poses, true)
     np.testing.assert_array_equal(found.forgiven, found.distances)
@@ -198,7 +198,7 @@ def test_to_dict_without_any_pose_is_json():
         (truth(2), truth(2), None, np.nan, "positive"),
     ],
 )
-def test_what_does_not_belong_together(poses, true, flags, threshold, message):
+def test_arrays_that_do_not_match_are_refused(poses, true, flags, threshold, message):
     with pytest.raises(ValueError, match=message) as error:
         score(poses, true, flags, threshold)
     assert "\n" not in str(error.value)
@@ -226,7 +226,7 @@ def test_laws_of_a_score(seed):
     ends = [joint("l_hand"), joint("r_hand")]
     assert (found.forgiven[:, ends].sum(1) <= found.distances[:, ends].sum(1)).all()
     np.testing.assert_array_equal(found.forgiven[:, :3], found.distances[:, :3])
-    # Share within the threshold and count of wrong are the same thing.
+    # Share within the threshold and count of wrong joints agree.
     at_100_mm = found.curve()[CURVE_THRESHOLDS_MM.index(100)]
     for limb in LIMBS:
         assert at_100_mm[joint(limb)] == pytest.approx(1 - found.wrong(limb) / len(found))

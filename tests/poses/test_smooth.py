@@ -1,4 +1,4 @@
-"""Smoothing over time: what passes, what is taken away, what is left alone."""
+"""Smoothing over time: which frequencies pass, and which frames stay unchanged."""
 
 import equinox as eqx
 import numpy as np

@@ -23,7 +23,7 @@ GRAPH = ideal_graph(ADULT, REST)
 
 
 def looked_at(centres, directions) -> Observed:
-    """What is seen of a frame: nothing but some rays."""
+    """Observations of a frame that consist of some rays only."""
     rays = Contours(jnp.asarray(centres), jnp.asarray(directions))
     return eqx.tree_at(lambda o: o.contours, GRAPH, rays, is_leaf=lambda leaf: leaf is None)
 
@@ -43,7 +43,7 @@ def ends_of(body: Body, pose: Pose) -> np.ndarray:
     return np.asarray(_ends_of(body, pose), np.float64)
 
 
-# Step by step each operation would be compiled by itself.
+# Without jit, each operation would be compiled separately.
 placed_at = eqx.filter_jit(place)
 correspond = eqx.filter_jit(ContourContact.correspond)
 residual_of = eqx.filter_jit(ContourContact.residual)
@@ -92,7 +92,7 @@ def test_moving_along_the_rays_costs_next_to_nothing():
 
 
 def test_quadrics_are_dense_sums():
-    # Whatever the points: nothing on a capsule, one point, a capsule's only end, all alike.
+    # Cases: no point on a capsule, one point, points at one end only, all points the same.
     with jax.enable_x64(True):
         rng = np.random.default_rng(0)
         ends = rng.normal(size=(5, 2, 3))

@@ -30,7 +30,7 @@ def stick(body, observed, length):
 
 
 def cell(source: str = CELL, **names) -> types.FunctionType:
-    """Run a notebook's cell in a world of its own."""
+    """Run a notebook cell in a namespace of its own."""
     world = {"jnp": jnp, "count": count} | names
     exec(compile(source, "<cell>", "exec"), world)
     return next(v for k, v in world.items() if k not in ("jnp", "count", "__builtins__", *names))
@@ -92,7 +92,7 @@ def test_what_can_change_unseen_or_is_no_function_is_refused():
         from_function(cell(OUTER, GOAL=[1.0, 2.0, 3.0]))
     with pytest.raises(ValueError, match="no plain function"):
         from_function(np.linalg.norm)
-    # An attribute of the same name as an outer array is no use of it.
+    # An attribute with the name of an outer array does not use that array.
     from_function(cell("def f(body, observed):\n    return body.joints[5]\n", joints=np.zeros(3)))
 
 

@@ -23,7 +23,7 @@ def doubled(tree):
 
 @pytest.fixture(scope="module")
 def problem():
-    """In float64: a frame whose graph is noisy, and how a number made of its refined joints depends on everything."""
+    """In float64: a frame with a noisy graph, and a scalar function of its refined joints for all parameters."""
     rng = np.random.default_rng(0)
     with jax.enable_x64(True):
         truth = pose_of(3, 0.3)

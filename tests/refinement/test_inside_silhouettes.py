@@ -1,4 +1,4 @@
-"""The body lies inside the silhouettes: who decides, what it costs, and its quadrics written out densely."""
+"""The term for a body inside the silhouettes: which view decides, the cost, and dense sums against its quadrics."""
 
 import equinox as eqx
 import jax
@@ -82,7 +82,7 @@ def test_each_point_has_a_view_of_its_own_that_decides():
     np.testing.assert_allclose(
         costs(POST, points, radii, sloping([0.0, 0.0], opposite)), [expected, expected, 0.0], atol=1e-7
     )
-    # One may err, and the other one says that all is well; as a single view, the first still has its say.
+    # One view may err, and the other one has no depth; the first still counts with the weight of a single view.
     np.testing.assert_allclose(
         costs(POST, points, radii, sloping([0.0, 0.0], opposite, 1)), [0.3 * 0.03**2] * 2 + [0.0], atol=1e-7
     )
@@ -143,7 +143,7 @@ def test_where_distances_are_linear_the_quadrics_are_the_dense_sum(misses):
         ):
             body = shifted(AT_REST, **moves)
             ends = np.asarray(capsule_ends(POST.body, body.origins, body.rotations))
-            # What no view holds is held by a millionth of the squared displacement of the ends.
+            # Ends that no view constrains are held by a millionth of their squared displacement.
             expected = dense(POST, ends, base, seen) + 1e-6 * ((ends - base) ** 2).sum()
             assert expected > 1e-6
             np.testing.assert_allclose((POST.residual(body, seen, fixed) ** 2).sum(), expected, rtol=1e-5)

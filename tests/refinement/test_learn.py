@@ -1,4 +1,4 @@
-"""Weights learned from labels: less error on frames that were not labelled, and a gradient only where one is."""
+"""Weights learned from labels lower the error on frames without labels; only converged frames have a gradient."""
 
 import jax
 import jax.numpy as jnp
@@ -46,7 +46,7 @@ def seen():
 GRAPHS, PATHS = seen()
 OBSERVED = type(GRAPHS)(PATHS, GRAPHS.found, GRAPHS.neck, GRAPHS.pelvis)
 INITIAL = jax.tree.map(stack, *POSES)
-# The wrong way round: bad markers count most.
+# Wrong start weights: bad markers count most.
 START = Objective(
     {
         "good": from_function(good, weight=10.0, needs_graph=True),
@@ -79,12 +79,12 @@ def test_learned_weights_help_frames_that_were_not_labelled():
     assert error(learned.objective, others) < 0.5 * error(START, others)
 
 
-def test_no_label_is_no_lesson():
+def test_labels_are_required():
     with pytest.raises(ValueError, match="every joint is NaN"):
         learn_weights(START, BONES, ADULT, INITIAL, OBSERVED, np.full((16, 15, 3), np.nan))
 
 
-def test_what_does_not_converge_teaches_nothing():
+def test_starts_that_do_not_converge_are_refused():
     which = np.arange(6)
     nowhere = Pose(jnp.full((6, 3), jnp.nan), INITIAL.rotations[which])
     with pytest.raises(ValueError, match="no frame converges"):

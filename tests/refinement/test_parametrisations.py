@@ -1,4 +1,4 @@
-"""A pose written as unknowns: what zero stands for, what holds for any unknowns, what each unknown does."""
+"""Parametrisations: zero unknowns give the base pose, laws for any unknowns, and the effect of each unknown."""
 
 import jax
 import jax.numpy as jnp
@@ -65,7 +65,7 @@ def single_unknowns(name: str, values) -> jnp.ndarray:
 
 
 def relative(pose: Pose) -> np.ndarray:
-    """Turn of each segment but the pelvis in the frame of the segment that it hangs on."""
+    """Rotation of each segment but the pelvis in the frame of its parent segment."""
     rotations = np.asarray(pose.rotations, np.float64)
     return rotations[list(SEGMENT_PARENTS[1:])].swapaxes(1, 2) @ rotations[1:]
 
@@ -187,7 +187,7 @@ def test_motion_is_the_derivative_of_the_placed_body():
 
 @every
 def test_no_two_unknowns_do_the_same(name):
-    # Tilting the pelvis about its hips and twisting the chest move no joint, but what hangs on them is held to them.
+    # Tilting the pelvis about its hips and twisting the chest move no joint of the segment, but move its descendants.
     parametrisation, count = ALL[name]
 
     def body(unknowns):
@@ -244,7 +244,7 @@ def test_what_turns_a_segment_turns_all_that_hang_on_it(segment):
     np.testing.assert_allclose(turns[~np.array(carried)], np.tile(np.eye(3), (17 - sum(carried), 1, 1)), atol=2e-6)
     np.testing.assert_allclose(turns[carried], np.tile(turns[number], (sum(carried), 1, 1)), atol=2e-6)
     np.testing.assert_allclose(Rotation.from_matrix(turns[number]).magnitude(), 0.9, atol=1e-5)
-    # Nothing is torn off: the segment's own origin stays where it was.
+    # Segments stay connected: the segment's own origin does not move.
     origins = [np.asarray(segments(ADULT, p)[2])[number] for p in (base, pose)]
     np.testing.assert_allclose(origins[1], origins[0], atol=1e-6)
 

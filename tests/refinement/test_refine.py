@@ -67,7 +67,7 @@ def test_refinement_recovers_a_perturbed_pose():
         axis=-1,
     )
     assert before.max(1).min() > 0.1
-    # The graph decides nearly everything; only what it leaves open is left to the prior.
+    # The graph determines nearly everything; the prior has little weight.
     objective = eqx.tree_at(lambda o: o.terms["rest"].weight, PAPER, jnp.asarray(1e-4))
     result = refined(start, OBSERVED, objective)
     assert result.finite.all()
@@ -111,7 +111,7 @@ def test_new_weights_and_data_do_not_compile_again():
 
 
 def test_too_few_steps_are_told():
-    # Another program, so that it is traced again; of one term, so that it compiles faster.
+    # A different objective, so that it is traced again; with one term, so that it compiles faster.
     traced = Stick.traces
     hasty = refined(stacked(STARTS), OBSERVED, Objective({"stick": Stick(weight=1e4)}), rounds=1, max_steps=1)
     assert Stick.traces > traced

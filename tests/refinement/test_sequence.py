@@ -74,7 +74,7 @@ def at_nodes(body, observed):
 
 
 def markers(noise: float, seed: int = 0):
-    """What is observed: tips, pelvis and neck, with noise (m)."""
+    """Observations: tips, pelvis and neck, with noise (m)."""
     rng = np.random.default_rng(seed)
     ends = TRUTH[:, 15:] + rng.normal(0, noise, (FRAMES, 5, 3))
     two = TRUTH[:, :2] + rng.normal(0, noise, (FRAMES, 2, 3))
@@ -142,7 +142,7 @@ def test_a_gap_is_bridged_and_told():
     result = refined(smooth(0.01), unseen, broken)
     np.testing.assert_array_equal(np.flatnonzero(~np.asarray(result.finite)), gap)
     assert np.isfinite(points(result)).all()
-    # The others lose nothing, and the gap is filled better than by standing still.
+    # The other frames do not get worse, and the gap is filled better than by a constant pose.
     seen = np.setdiff1d(np.arange(FRAMES), gap)
     ends = [0, 1, *range(15, 20)]
     assert np.linalg.norm(points(result)[seen][:, ends] - TRUTH[seen][:, ends], axis=-1).max() < 0.02

@@ -96,7 +96,7 @@ def test_limbs_that_were_not_found_pull_at_nothing():
 
 
 def closest_point(path: np.ndarray, point: np.ndarray) -> np.ndarray:
-    """Of a polyline, segment by segment."""
+    """Closest point of a polyline, segment by segment."""
     shares = [np.clip((point - a) @ (b - a) / max((b - a) @ (b - a), 1e-12), 0, 1) for a, b in pairwise(path)]
     places = [a + share * (b - a) for share, (a, b) in zip(shares, pairwise(path), strict=True)]
     return min(places, key=lambda place: float(np.linalg.norm(place - point)))
@@ -158,7 +158,7 @@ def test_rest_prior_by_hand():
 
 @pytest.mark.parametrize("angle", [0.01, 0.5, 2.0, np.pi])
 def test_rest_prior_has_the_norm_of_the_difference_of_rotations(angle):
-    # Also of half a turn, whose sine says nothing, and whatever the parent's own rotation is.
+    # Also for a half turn, whose sine is zero, and for any rotation of the parent.
     pose = rigid_pose()
     upper, lower = (SEGMENT_NAMES.index(name) for name in ("r_upper_arm", "r_forearm"))
     turn = Rotation.from_rotvec(angle * np.array([0.48, -0.6, 0.64])).as_matrix()

@@ -33,7 +33,7 @@ def norm(term, pose, observed):
     return jnp.linalg.norm(term.residual(body, observed, term.correspond(body, observed)))
 
 
-# Term, bound of its residual at the truth (voxels are 20 mm, pixels 11 mm), a pose that it must object to.
+# Term, bound of its residual at the truth (voxels are 20 mm, pixels 11 mm), a pose with a large residual.
 TERMS = {
     "contours": (ContourContact(body=BODY, scale=1.0), 0.005, turned("l_upper_arm", "x", 40)),
     "silhouettes": (InsideSilhouettes(body=BODY), 0.003, turned("l_upper_arm", "x", 40)),
@@ -85,11 +85,11 @@ def test_jacobians_of_terms_are_finite_differences(observed):
 SEEDS = (0, 1, 4, 5, 7, 8)
 
 
-def test_silhouettes_alone_recover_poses_and_a_wrong_one_is_dear():
+def test_silhouettes_alone_recover_poses_and_a_wrong_one_costs_more():
     truth = turned("l_upper_arm", "x", 40)
     joints = np.asarray(place(ADULT, truth).joints)
     unknowns = np.stack([0.15 * np.random.default_rng(seed).normal(size=UNKNOWNS) for seed in SEEDS])
-    # What carries the feet far (position, pelvis, chest and thighs) by less than the rest.
+    # Unknowns that move the feet far (position, pelvis, chest and thighs) change by less than the rest.
     unknowns[:, np.r_[0:9, 24:27, 28:31]] *= 0.3
     start = jax.vmap(lambda u: HINGED.retract(u, jax.tree.map(jnp.asarray, truth), ADULT))(
         jnp.asarray(unknowns, jnp.float32)
@@ -113,7 +113,7 @@ def test_silhouettes_alone_recover_poses_and_a_wrong_one_is_dear():
     before, after = (np.linalg.norm(np.asarray(j) - joints[None], axis=2).max(1) for j in (started, reached))
     assert before.min() > 0.1
     right = after < 0.01
-    # It goes downhill only: a foot may be caught between both legs.
+    # The solver only descends, so a foot may be caught between both legs.
     assert right.sum() >= len(SEEDS) - 1
     cost = np.asarray(cost)
     assert cost[right].max() < 2

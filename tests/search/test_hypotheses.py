@@ -1,4 +1,4 @@
-"""Hypotheses of poses: pooled, cut off, put in rows."""
+"""Pose hypotheses: pooled, selected, arranged in rows."""
 
 import jax
 import numpy as np
@@ -11,7 +11,7 @@ from jaxskel.search._hypotheses import Pool, pool_of, select_distinct
 
 
 def numbered(number: np.ndarray) -> Pose:
-    """Poses whose roots tell which they are."""
+    """Poses that can be told apart by their roots."""
     return Pose(np.repeat(number[..., None], 3, -1).astype(np.float32), np.tile(np.eye(3), (*number.shape, 17, 1, 1)))
 
 
@@ -40,7 +40,7 @@ def test_cheapest_of_each_frame_by_hand():
 
 
 @given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 5)), max_size=30), st.integers(1, 4))
-def test_the_rest_is_dearer_than_the_cheapest(members, count):
+def test_the_rest_costs_more_than_the_cheapest(members, count):
     found = pool([frame for frame, _ in members], [float(cost) for _, cost in members])
     best = found.cheapest(count)
     rest = jax.tree.map(lambda a: a[~np.isin(np.arange(len(found)), numbers(best))], found)
@@ -52,7 +52,7 @@ def test_the_rest_is_dearer_than_the_cheapest(members, count):
         assert len(left) == 0 or left.cost.min() >= chosen.cost.max()
 
 
-def test_rows_are_filled_up_with_the_dearest():
+def test_rows_are_filled_up_with_the_costliest():
     found = pool([4, 1, 4, 1, 1], [2.0, 9.0, 1.0, 7.0, 8.0])
     rows = found.rows(np.array([1, 4]), 3)
     np.testing.assert_array_equal(rows.cost, [[7, 8, 9], [1, 2, 2]])
@@ -75,7 +75,7 @@ def test_promising_by_hand():
     assert select_distinct(found, 10.0, 9).tolist() == [False, True, True, False, True, True]
     assert select_distinct(found, 30.0, 9).tolist() == [False, True, True, True, True, True]
     assert select_distinct(found, 10.0, 1).tolist() == [False, False, True, False, True, False]
-    # What is known is compared with, and not chosen.
+    # Known hypotheses are compared with, but not chosen.
     known = pool([3, 8], [0.0, 3.0])
     known.poses.root[0] = found.poses.root[2]
     known.poses.root[1] = 7.0

@@ -1,4 +1,4 @@
-"""Normal equations of capsules, limb by limb: they are those of the whole Jacobian."""
+"""Normal equations of capsules, limb by limb, equal those of the whole Jacobian."""
 
 import equinox as eqx
 import jax
@@ -21,7 +21,7 @@ def linked(*pairs: tuple[str, str]) -> Body:
 
 BODIES = {
     "adult": BODY,
-    # A capsule from an arm to a leg: what moves both is a limb no longer.
+    # A capsule from an arm to a leg: unknowns that move both belong to no limb.
     "hand in a pocket": linked(*(tuple(BALL_NAMES[ball] for ball in link) for link in BODY.links), ("l_palm", "l_hip")),
     "forearm": linked(("l_elbow", "l_forearm")),
 }

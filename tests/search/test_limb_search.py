@@ -107,7 +107,7 @@ def test_tables_reach(name):
     lengths = np.linalg.norm(points[0, 0]), np.linalg.norm(points[0, 1] - points[0, 0])
     bones = [length * np.array(d) / np.linalg.norm(d) for length, d in zip(lengths, (upper, lower), strict=True)]
     apart = np.linalg.norm(points - np.cumsum(bones, 0)[None], axis=-1)
-    # Directions are 15 degrees apart: no pose is farther than 8 degrees, 0.13 of the length, and a twist as much again.
+    # Directions are 15 degrees apart, so any pose is within 8 degrees, 0.13 of the length; the twist adds the same.
     assert apart.max(1).min() < 0.2 * sum(lengths)
 
 
@@ -124,7 +124,7 @@ def test_knees_of_hanging_thighs_open_to_the_back():
     upper, lower = (bone / np.linalg.norm(bone, axis=1, keepdims=True) for bone in (hinge, ankle - hinge))
     hanging = upper[:, 2] < -0.97
     assert hanging.sum() > 20
-    # Unless they are all but straight.
+    # Nearly straight knees are excepted.
     assert (lower[hanging, 0] - upper[hanging, 0]).max() < 0.25
     assert lower[hanging, 0].min() < -0.8
 
@@ -181,7 +181,7 @@ def test_unexplained_rays_are_those_off_the_rest_of_the_body():
 
 
 def scored(seed: int, count: int) -> Scored:
-    """Poses with few places for each joint, each about its own: often the same at one joint, or at both."""
+    """Poses with few places for each joint, so that two poses are often the same at one joint, or at both."""
     rng = np.random.default_rng(seed)
     places = 0.3 * np.eye(3)[rng.integers(0, 3, (count, 2))]
     return Scored(
@@ -236,7 +236,7 @@ def test_best_singles_are_those_of_brute_force():
 
 
 def test_a_ray_is_paid_once_by_whichever_limb_explains_it():
-    # Two poses of each arm; the first of either explains the first ray, the second the other: together both.
+    # Two poses of each arm: the first explains the first ray, the second the other one; a pair can explain both.
     nothing, joints = jnp.zeros(2), jnp.asarray([[[0.0, 0, 0]] * 2, [[1.0, 0, 0]] * 2])
     left = Scored(jnp.asarray([10, 11], jnp.int32), nothing, jnp.asarray([[0.0, 5.0], [5.0, 0.0]]), joints)
     right = Scored(jnp.asarray([20, 21], jnp.int32), nothing + jnp.asarray([0.0, 1.0]), left.left, joints)

@@ -1,4 +1,4 @@
-"""The search for poses and the calibration of a body, on silhouettes of a body that is known."""
+"""The search for poses, on silhouettes of a body that is known."""
 
 import equinox as eqx
 import jax
@@ -10,8 +10,6 @@ from support.capsule_films import ADULT, BODY, Filmed, film_body, joints_of, som
 from jaxskel import Pose
 from jaxskel._runtime.batching import on_device
 from jaxskel.body import BALL_NAMES, JOINT_NAMES
-from jaxskel.body_calibration import calibrate_flesh
-from jaxskel.body_calibration._flesh import _updated
 from jaxskel.refinement.parametrisations import HingedLimbs
 from jaxskel.refinement.terms import place
 from jaxskel.search import Hypotheses, Search, fit_poses, fit_scales, make_model, solve_frames
@@ -21,7 +19,7 @@ from jaxskel.search._search import _with_pairs, _with_single
 from jaxskel.synthetic import demo_motion
 
 THIN = eqx.tree_at(lambda b: b.radii, BODY, 0.85 * BODY.radii)
-# Some frames are dear and others not, so that legs are searched for in some of them.
+# Some frames cost much and others do not, so that legs are searched for in some of them.
 SEARCH = Search(doubtful=4.5)
 # Of the demo motion at 5 frames a second: two of a walk, waving, a turn, crane stand, crouch, twice hands on hips.
 FRAMES = [7, 9, 18, 35, 43, 50, 55, 57]
@@ -29,7 +27,7 @@ ON_HIPS = slice(6, 8)
 
 
 def farthest(joints: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Of the joints of each frame (m)."""
+    """Errors of the joints of each frame (m)."""
     return np.linalg.norm(joints - other, axis=-1).max(-1)
 
 
@@ -81,7 +79,7 @@ def test_what_is_found_is_a_pose_of_the_skeleton(found):
 
 
 def test_frames_do_not_depend_on_the_others_of_their_chunk(filmed, found):
-    # Dear and cheap ones, in another order, the last one filling up the chunk.
+    # Costly and cheap ones, in another order; the last one is repeated to fill the chunk.
     chosen = [5, 1, 6]
     alone = solve_frames(make_model(BODY), SEARCH, *some((filmed.starts, filmed.fallback, filmed.observed), chosen))
     assert alone.cost.shape == (3, found.cost.shape[1])
@@ -90,8 +88,8 @@ def test_frames_do_not_depend_on_the_others_of_their_chunk(filmed, found):
     assert farthest(joints, expected[chosen]).max() < 1e-3
 
 
-def test_where_starts_lead_nowhere_the_fallback_does(filmed):
-    # Of someone else, 2 m away; the frames in which the person stands on both feet.
+def test_the_fallback_is_used_where_starts_fail(filmed):
+    # Start poses 2 m away from the person; frames in which the person stands on both feet.
     standing = [2, 3, 6, 7]
     starts, fallback, observed = some((filmed.starts, filmed.fallback, filmed.observed), standing)
     away = Pose(starts.root + np.array([2.0, 0.0, 0.0]), starts.rotations)
@@ -102,7 +100,7 @@ def test_where_starts_lead_nowhere_the_fallback_does(filmed):
 
 @pytest.mark.parametrize("names", [("l_arm", "r_arm"), ("l_leg", "r_leg"), ("r_arm",)])
 def test_limbs_that_are_freed_are_found_again(filmed, names):
-    # Wherever they were: here they are all as in the table's first row.
+    # This does not depend on where the limbs were: here all are as in the table's first row.
     model = make_model(BODY)
     wrong = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), filmed.truth)
     for name in names:
@@ -187,68 +185,6 @@ def test_a_step_of_descent_lowers_what_it_linearised(filmed):
 
     for spread in (0.02, 0.05, 0.1, 0.2):
         before, after, turned = step(jnp.asarray(spread * rng.normal(size=len(hinged.unknowns())), jnp.float32))
-        # Most of what a pose that is wrong costs can be taken away.
+        # Most of the cost of a wrong pose can be removed.
         assert float(after) < (0.9 if spread < 0.05 else 0.7) * float(before)
         np.testing.assert_allclose(turned @ turned.swapaxes(1, 2), np.tile(np.eye(3), (17, 1, 1)), atol=1e-5)
-
-
-# Calibration
-
-
-def off(body) -> np.ndarray:
-    """Of the radii (m)."""
-    return np.abs(np.asarray(body.radii) - np.asarray(BODY.radii))
-
-
-def assert_symmetric(body):
-    """Left is the mirror of right."""
-    for ball, name in enumerate(BALL_NAMES):
-        other = BALL_NAMES.index({"l_": "r_"}.get(name[:2], name[:2]) + name[2:])
-        np.testing.assert_allclose(body.radii[other], body.radii[ball], atol=1e-9)
-        if other != ball:
-            np.testing.assert_allclose(body.offsets[other], body.offsets[ball] * [1, -1, 1], atol=1e-9)
-        elif not name.startswith("r_"):
-            assert abs(body.offsets[ball][1]) < 1e-4  # in the middle
-
-
-def test_with_true_poses_a_few_steps_find_the_radii(filmed):
-    body = THIN
-    for _ in range(4):
-        body = _updated(body, filmed.truth, filmed.observed.contours)
-        assert_symmetric(body)
-    assert off(body).mean() < 0.002
-    assert off(body).mean() < 0.2 * off(THIN).mean()
-
-
-def test_calibration_comes_nearer_to_the_true_radii(filmed):
-    body = calibrate_flesh(THIN, filmed.starts, filmed.fallback, filmed.observed, SEARCH).body
-    assert off(body).mean() < 0.4 * off(THIN).mean()
-    limbs = [i for i, name in enumerate(BALL_NAMES) if name[2:] in ("elbow", "forearm", "knee", "calf", "hip")]
-    assert (off(body)[limbs] < 0.6 * off(THIN)[limbs]).all()
-    assert_symmetric(body)
-    # Nothing but flesh changes.
-    np.testing.assert_array_equal(body.segments, BODY.segments)
-    np.testing.assert_array_equal(body.links, BODY.links)
-    np.testing.assert_array_equal(body.skeleton.rest_joints, ADULT.rest_joints)
-    assert np.abs(body.offsets - BODY.offsets).max() < 0.03
-
-
-def test_a_true_body_stays_as_it_is(filmed):
-    body = _updated(BODY, filmed.truth, filmed.observed.contours)
-    assert off(body).max() < 0.003
-    assert np.abs(body.offsets - BODY.offsets).max() < 0.004
-
-
-def test_flesh_is_moved_alike_on_both_sides(filmed):
-    # Hips and chest 15 mm too far out, left as right; the trunk's flesh may be moved, but not for nothing.
-    balls = [BALL_NAMES.index(name) for name in ("l_hip", "r_hip", "l_chest", "r_chest")]
-    out = 0.015 * np.array([1, -1, 1, -1])
-    offsets = np.array(BODY.offsets)
-    offsets[balls, 1] += out
-    body = eqx.tree_at(lambda b: b.offsets, BODY, offsets)
-    for _ in range(4):
-        body = _updated(body, filmed.truth, filmed.observed.contours)
-    left = (np.asarray(body.offsets) - BODY.offsets)[balls, 1] / out
-    assert np.abs(left).max() < 0.7
-    assert np.abs(left[:2]).max() < 0.4
-    assert_symmetric(body)

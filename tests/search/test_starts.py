@@ -73,7 +73,7 @@ def test_starts_face_four_ways_around_the_spine(name):
     front = rotations[:, 0, :, 0]
     x, y, _ = GIVEN[name][4]
     level = np.array([[x, y], [x, y], [-x, -y], [-x, -y], [-y, x], [-y, x], [y, -x], [y, -x]])
-    # Where the spine leans, so does the front: seen from above it looks the same way all the same.
+    # If the spine leans, so does the front, but seen from above it has the same direction.
     assert ((front[:, :2] * level).sum(1) > 0.8 * np.linalg.norm(front[:, :2], axis=1)).all()
     np.testing.assert_allclose(front[1::2], front[::2])
     spine = np.subtract(GIVEN[name][1], GIVEN[name][0])
@@ -90,7 +90,7 @@ def test_feet_are_near_where_the_graph_has_them_straight_and_crossed(name):
         feet = joints[start, FEET]
         straight, crossed = (np.linalg.norm(feet - given[order], axis=1).max() for order in ([0, 1], [1, 0]))
         assert min(straight, crossed) < 0.2  # the ball of the foot is 0.12 m ahead of the ankle wherever the shank is
-    # The first start is the one that the graph speaks for, the second has the feet exchanged.
+    # The first start follows the graph's labels, the second has the feet exchanged.
     first, second = joints[:2, FEET]
     assert np.linalg.norm(first - given, axis=1).max() < 0.12
     assert np.linalg.norm(second - given[::-1], axis=1).max() < 0.12
@@ -187,7 +187,7 @@ def test_other_ways_are_those_of_a_graph_with_the_same_pelvis_neck_and_feet():
     np.testing.assert_allclose(joints[2][[left, right]], found[0][[right, left]], atol=0.15)
     across = [JOINT_NAMES.index(f"{side}_hip") for side in "lr"]
     np.testing.assert_allclose(joints[2][across], joints[0][across[::-1]], atol=1e-6)
-    # Whoever faces up has no front; any will do.
+    # A person who faces up has no front direction; any is accepted.
     lying = found[:1].copy()
     lying[0, across[0]] = lying[0, across[1]]
     assert np.isfinite(other_ways(lying, ADULT).rotations).all()

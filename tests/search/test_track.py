@@ -1,4 +1,4 @@
-"""Following a person: the track holds, and it recovers from whatever it is led into."""
+"""Tracking: the track holds, and it recovers from wrong poses."""
 
 import itertools
 
@@ -36,7 +36,7 @@ def follow(filmed: Filmed, frames: slice, track: Track | None) -> tuple[np.ndarr
 
 
 def on_track(filmed: Filmed, frame: int, wrong: Pose) -> Track:
-    """A track that has been good for long, and is wrong now; the next search is as far away as can be."""
+    """A track that was good for long and is wrong now; the next search is as far away as possible."""
     return Track(wrong, wrong, 0, np.full(30, 3.0))
 
 

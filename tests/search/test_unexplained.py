@@ -36,7 +36,7 @@ def stacked(*frames: Contours) -> Contours:
     ("distances", "share"),
     [
         ((0.1, -0.1), 0.0),
-        ((0.0, 0.05), 0.0),  # what the body covers it explains, however deep
+        ((0.0, 0.05), 0.0),  # rays through the body are explained, at any depth
         ((0.135, -0.135), 0.0),  # near enough
         ((0.145, -0.145), 1.0),
         ((0.1, 0.135, 0.145, -0.5), 0.5),

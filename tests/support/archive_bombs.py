@@ -1,4 +1,4 @@
-"""Small files that claim, or unpack to, what would fill the memory."""
+"""Small files that claim, or unpack to, more data than fits into memory."""
 
 import io
 import struct
@@ -26,14 +26,14 @@ def _text(name: str, content: str | bytes) -> Callable[[Path], Path]:
 
 
 def _npy(shape: tuple[int, ...], dtype: str = "<f8") -> bytes:
-    """A header that claims numbers, and none of them."""
+    """A header that claims numbers, without any data."""
     file = io.BytesIO()
     np.lib.format.write_array_header_1_0(file, {"descr": dtype, "fortran_order": False, "shape": shape})
     return file.getvalue()
 
 
 def _claiming(reader: str, key: str, shape: tuple[int, ...], dtype: str = "<f8", zeros: int | None = None):
-    """An archive of which one array claims a shape; so many bytes of zeros, packed, are there."""
+    """An archive in which one array claims a shape but holds only a given number of zero bytes, compressed."""
 
     def write(folder: Path) -> Path:
         path = READERS[reader].write(folder)
@@ -68,7 +68,7 @@ def _chunk(kind: bytes, content: bytes, claimed: int | None = None) -> bytes:
 
 
 def png(side: int, claimed: int | None = None) -> bytes:
-    """A black image, of which everything is there."""
+    """A complete black image."""
     packer = zlib.compressobj(1)
     rows = b"".join(packer.compress(bytes(side + 1)) for _ in range(side)) + packer.flush()
     header = struct.pack(">IIBBBBB", side, side, 8, 0, 0, 0, 0)
@@ -160,7 +160,7 @@ def _box(kind: bytes, *parts: bytes) -> bytes:
 
 
 def _fragments(folder: Path) -> Path:
-    """An MP4 with a fragment of very many frames, each of a byte that is not there."""
+    """An MP4 with a fragment of very many frames, each of one missing byte."""
     path = READERS["mp4"].write(folder)
     content, boxes = path.read_bytes(), b""
     while content:

@@ -44,7 +44,7 @@ class Page:
         self.driver = driver
         driver.get("about:blank")
         for log in ("browser", "performance"):
-            driver.get_log(log)  # what came before is gone
+            driver.get_log(log)  # drop earlier messages
         driver.get(f"{file.as_uri()}#{frame}")
 
     def find(self, selector: str):
@@ -58,7 +58,7 @@ class Page:
         return self.driver.execute_script("return {...document.querySelector(arguments[0]).dataset}", selector)
 
     def picture(self, selector: str, theme: str = "light") -> np.ndarray:
-        """What a canvas shows, red first; where nothing is drawn, its panel."""
+        """Pixels of a canvas, red first; where nothing is drawn, those of its panel."""
         script = "return document.querySelector(arguments[0]).toDataURL()"
         url = self.driver.execute_script(script, selector)
         image = cv2.imdecode(np.frombuffer(base64.b64decode(url.split(",")[1]), np.uint8), cv2.IMREAD_UNCHANGED)
@@ -83,7 +83,7 @@ class Page:
 
 
 def of_colour(picture: np.ndarray, points: np.ndarray, colour: tuple[int, int, int]) -> int:
-    """Of how many points the pixel has a colour."""
+    """Number of points whose pixel has a given colour."""
     columns, rows = np.floor(points).astype(int).T
     inside = (columns >= 0) & (rows >= 0) & (columns < picture.shape[1]) & (rows < picture.shape[0])
     pixels = picture[rows[inside], columns[inside]].astype(int)

@@ -25,7 +25,7 @@ class Rig:
 
 @dataclass(frozen=True)
 class Format:
-    """How a file is written, how much of a lens it holds, and what the reader must be told or will say."""
+    """How a file is written, how much of a lens it holds, and the reader's options and messages."""
 
     write: Callable[[Path, Rig], Path]
     coefficients: int
@@ -62,7 +62,7 @@ def seen_by_opencv(rig: Rig, index: int, points: np.ndarray) -> np.ndarray:
 
 
 def _quaternion(R: np.ndarray) -> np.ndarray:
-    """(x, y, z, w), from OpenCV's rotation vector."""
+    """Quaternion (x, y, z, w) of OpenCV's rotation vector."""
     vector = cv2.Rodrigues(R)[0][:, 0]
     angle = np.linalg.norm(vector)
     return np.append(vector / angle * np.sin(angle / 2), np.cos(angle / 2))
@@ -201,7 +201,7 @@ def vicon(folder: Path, rig: Rig, radial: tuple[float, float, float] = (0, 0, 0)
 
 
 def colmap(folder: Path, rig: Rig) -> Path:
-    """From world to camera as a quaternion (w, x, y, z); pixels from the corner of the first; a unit of its own."""
+    """World to camera as a quaternion (w, x, y, z); pixels from the corner of the first; an arbitrary unit."""
     cameras, images = ["# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]"], ["# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, ..."]
     for i, name in enumerate(rig.names):
         K = rig.K[i]

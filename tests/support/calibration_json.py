@@ -1,4 +1,4 @@
-"""Calibrations in JSON as their tools write them, or people by hand, made from a rig without the package."""
+"""Calibrations in JSON as written by tools or by hand, made from a rig without the package."""
 
 import json
 from collections.abc import Callable
@@ -71,7 +71,7 @@ def calibio_camera(rig: "Rig", i: int, keys: dict[str, float], base: str) -> dic
         "CameraModelCRT": {"CameraModelBase": {"imageSize": {"width": width, "height": height}}},
         "parameters": {key: {"state": 1, "val": float(value)} for key, value in (values | keys).items()},
     }
-    # An archive says what a class is called where it comes first, and gives its number afterwards.
+    # An archive gives the name of a class at its first use, and its number afterwards.
     model = {"polymorphic_id": 1, "ptr_wrapper": {"valid": 1, "data": data}}
     if i == 0:
         model |= {"polymorphic_id": 2147483649, "polymorphic_name": f"libCalib::{base}"}
@@ -136,7 +136,7 @@ def mvhumannet(folder: Path, rig: "Rig") -> Path:
 
 
 def nerfstudio(folder: Path, rig: "Rig") -> Path:
-    """From camera to world in OpenGL's axes; pixels from the corner of the first; a unit of its own."""
+    """Camera to world in OpenGL's axes; pixels from the corner of the first; an arbitrary unit."""
     frames = []
     for i, name in enumerate(rig.names):
         width, height = rig.size[i].tolist()
@@ -170,7 +170,7 @@ def by_hand(folder: Path, rig: "Rig") -> Path:
 
 
 def xrprimer(folder: Path, rig: "Rig") -> Path:
-    """A file a camera, whose class is called after a fisheye and is none."""
+    """One file per camera, with a class named after a fisheye for an ordinary lens."""
     for i, name in enumerate(rig.names):
         width, height = rig.size[i].tolist()
         keys = dict(zip(("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"), rig.dist[i].tolist(), strict=True))

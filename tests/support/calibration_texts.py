@@ -1,4 +1,4 @@
-"""Calibrations of other tools in XML and text, as their documentation or their readers have them, by construction."""
+"""Calibrations of other tools in XML and text, constructed after their documentation or their readers."""
 
 from pathlib import Path
 
@@ -45,7 +45,7 @@ def opencv_xml(folder: Path, rig: Rig, spelling: str = "sample", file_of: str = 
 
 
 def opencv_xml_in_folders(folder: Path, rig: Rig) -> Path:
-    # What lies beside them is no camera.
+    # Other files beside them are not cameras.
     board = '<?xml version="1.0"?>\n<opencv_storage>\n<BoardWidth>8</BoardWidth></opencv_storage>\n'
     (folder / "board.xml").write_text(board)
     return opencv_xml(folder, rig, "words", "{}/config.xml", size=False)
@@ -102,7 +102,7 @@ def qualisys_sensors(
     file_name: str = "lab.qca.txt",
     root: str = "{}",
 ) -> Path:
-    """With the size of each sensor, larger by a margin around what is filmed; another camera was not calibrated."""
+    """With sensor sizes, larger than the filmed area by a margin; one more camera was not calibrated."""
     text = '<calibration calibrated="true" type="regular">\n<results std-dev="0.2"/>\n<cameras>\n'
     for i, name in enumerate(rig.names):
         turn = rig.R[i] * [[1], [-1], [-1]]

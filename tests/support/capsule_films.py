@@ -1,4 +1,4 @@
-"""A capsule body of known radii in known poses and what is seen of it: for search, calibration and tracking."""
+"""A capsule body of known radii in known poses, and its observations: for search, calibration and tracking."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ BODY = make_body(ADULT)
 
 
 class Filmed(eqx.Module):
-    """The truth, and what a search is given."""
+    """The truth, and the inputs of a search."""
 
     truth: Pose
     joints: np.ndarray
@@ -31,7 +31,7 @@ def some(tree: Any, frames: Any) -> Any:
 
 
 def joints_of(poses: Pose) -> np.ndarray:
-    """(m)"""
+    """Joints (m)."""
     return np.asarray(place_joints(ADULT, poses)[0], np.float64)
 
 

@@ -1,4 +1,4 @@
-"""The command line, in this process or in one of its own."""
+"""The command line, in this process or in a separate one."""
 
 import io
 import os
@@ -18,7 +18,7 @@ def jaxskel(*arguments: object, cwd: Path) -> subprocess.CompletedProcess:
     command = ["jaxskel", *map(str, arguments)]
     out, err, code = io.StringIO(), io.StringIO(), 0
     unchecked = patch.object(jaxtyping.config, "jaxtyping_disable", True)
-    # What tests compile with their checks of shapes is not for the user's cache.
+    # Code compiled with the tests' checks of shapes must not get into the user's cache.
     uncached = patch.dict("os.environ", JAXSKEL_NO_CACHE="1")
     with unchecked, uncached, chdir(cwd), patch("sys.argv", command), redirect_stdout(out), redirect_stderr(err):
         try:
@@ -29,7 +29,7 @@ def jaxskel(*arguments: object, cwd: Path) -> subprocess.CompletedProcess:
 
 
 def by_itself(*arguments: object, cwd: Path, **environment: str) -> subprocess.CompletedProcess:
-    """In a process of its own, as a user's."""
+    """Run in a separate process, as for a user."""
     command = [sys.executable, "-c", "from jaxskel.cli import main; main()", *map(str, arguments)]
     known = os.environ | {"JAXSKEL_NO_CACHE": "1"} | environment
     known.pop("JAX_COMPILATION_CACHE_DIR", None)

@@ -1,4 +1,4 @@
-"""A recording whose poses are random numbers instead of a reconstruction: for tests of what is around one."""
+"""A recording with random numbers as poses, for tests of the batch around a reconstruction."""
 
 from dataclasses import replace
 from functools import cache
@@ -25,7 +25,7 @@ def _walk() -> Recording:
 
 
 def fake(patch: pytest.MonkeyPatch) -> list[int]:
-    """Have poses be told by their frames' numbers; returns where batches started, which grows."""
+    """Replace the reconstruction by random poses that depend on the frame; return a growing list of batch starts."""
     batches = []
 
     def batches_from(first, track, recording, settings, prepared):

@@ -86,7 +86,7 @@ def refused(read, path: Path, *parts: str) -> None:
 
 
 def rows(key, index, value):
-    """A change of one place of an array."""
+    """A change of one element of an array."""
 
     def change(arrays):
         changed = arrays[key].copy()

@@ -1,4 +1,4 @@
-"""Folders as they are, to see what a command has done to them."""
+"""Listings of folders, to see what a command has changed."""
 
 import os
 from pathlib import Path

@@ -25,7 +25,7 @@ UNKNOWNS = 42
 
 
 def standing() -> Pose:
-    """At ease: knees and elbows a little bent, because dead straight is beyond what the limits allow."""
+    """A relaxed pose with slightly bent knees and elbows, because fully straight ones are beyond the limits."""
     flexions = np.zeros(UNKNOWNS, np.float32)
     flexions[[17, 23, 27, 31]] = 0.1  # see test_parametrisations
     rest = Pose(np.zeros(3, np.float32), np.tile(np.eye(3, dtype=np.float32), (17, 1, 1)))
@@ -33,7 +33,7 @@ def standing() -> Pose:
 
 
 def turned(segment: str, axis: str, degrees: float) -> Pose:
-    """Standing, with one segment and all that hangs on it turned about an axis."""
+    """Standing, with one segment and its descendants rotated about an axis."""
     turn = Rotation.from_euler(axis, degrees, degrees=True).as_matrix().astype(np.float32)
     carried, pose = [name == segment for name in SEGMENT_NAMES], standing()
     for number, parent in enumerate(SEGMENT_PARENTS[1:], 1):
@@ -42,7 +42,7 @@ def turned(segment: str, axis: str, degrees: float) -> Pose:
 
 
 def observe(pose: Pose) -> Observed:
-    """What is seen of the body."""
+    """Observations of the body."""
     ends, radii = place_body(make_body(default_adult()), jax.tree.map(lambda a: a[None], pose))
     seen, empty_views = render(CAMERAS, ends, radii), np.zeros((1, len(CAMERAS)), bool)
     outlines, inside = (

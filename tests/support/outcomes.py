@@ -1,4 +1,4 @@
-"""What became of reading a file."""
+"""Outcomes of reading a file."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ from support.readers import READERS
 
 
 def outcome(path: Path, reader: str, folder: Path) -> str | None:
-    """What a reader says to files; nothing where they are valid."""
+    """A reader's error message about some files; None if they are valid."""
     try:
         found = READERS[reader].read(path)
         READERS[reader].check(found)

@@ -1,4 +1,4 @@
-"""What the tests of outputs write themselves."""
+"""Files that the tests of outputs write themselves."""
 
 from jaxskel.synthetic import camera_ring
 

@@ -1,4 +1,4 @@
-"""One walking figure in files of every kind that tools write masks in, with what it should be read as."""
+"""One walking figure in every kind of mask file that tools write, with the silhouettes that should be read."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -45,7 +45,7 @@ def painted(*colours: tuple[int, int, int]) -> Callable[[int], np.ndarray]:
 
 
 def written(suffix: str, drawn: Callable[[int], np.ndarray], mode: str | None = None, **options) -> Callable:
-    """What writes images by Pillow, converted to another of its modes."""
+    """A function that writes images by Pillow, converted to another of its modes."""
 
     def write(folder: Path) -> Path:
         for frame in range(FRAMES):
@@ -57,7 +57,7 @@ def written(suffix: str, drawn: Callable[[int], np.ndarray], mode: str | None = 
 
 
 def indexed(suffix: str, drawn: Callable[[int], np.ndarray], palette: np.ndarray = DAVIS, **options) -> Callable:
-    """What writes indices with a palette."""
+    """A function that writes indices with a palette."""
 
     def write(folder: Path) -> Path:
         for frame in range(FRAMES):
@@ -82,7 +82,7 @@ def with_alpha(grey: bool, colour: int = 255) -> Callable[[int], np.ndarray]:
 
 
 def opaque(frame: int) -> np.ndarray:
-    """White on black, with an alpha channel that says nothing."""
+    """White on black, with a constant alpha channel."""
     white = 255 * body(frame).astype(np.uint8)
     return np.stack([white, white, white, np.full_like(white, 255)], axis=-1)
 
@@ -96,7 +96,7 @@ def textual(folder: Path) -> Path:
 
 
 def array(dtype: type, drawn: Callable[[int], np.ndarray]) -> Callable:
-    """What writes an array of an archive."""
+    """A function that writes an array of an archive."""
 
     def write(folder: Path) -> Path:
         np.savez(folder / "masks.npz", cam=np.array([drawn(frame) for frame in range(FRAMES)]).astype(dtype))
@@ -164,7 +164,7 @@ READ: dict[str, Callable[[Path], Path]] = {
     "ones with a point": array(np.float64, body),
     "white with a point": array(np.float16, WHITE),
 }  # fmt: skip
-"""Masks whose silhouettes are `body` exactly; a JPEG's and a WebP's but for a pixel or two."""
+"""Masks whose silhouettes are exactly `body`; for JPEG and WebP, except for a pixel or two."""
 
 SOFT: dict[str, Callable[[Path], Path]] = {
     "soft": written(".png", lambda frame: np.uint8(255 * soft(frame))),
@@ -195,7 +195,7 @@ ASKED: dict[str, tuple[Callable[[Path], Path], str, list]] = {
         written(".png", lambda frame: np.where(body(frame), 12, np.arange(96) // 60 + 3).astype(np.uint8)),
         "masks hold 3, 4 and 12", [4, 12]),
 }  # fmt: skip
-"""Masks whose values have to be named; what is said of them, and what is proposed."""
+"""Masks whose person values must be stated, with the message and the proposal."""
 
 
 def noise(frame: int) -> np.ndarray:
@@ -218,4 +218,4 @@ REFUSED: dict[str, tuple[Callable[[Path], Path], str]] = {
     "not a number": (array(np.float32, lambda frame: np.where(body(frame), np.nan, 0)), "holds nan in frame 0"),
     "too large": (array(np.int64, labels(0, 70000, 1, 1, dtype=np.int64)), "holds 70000 in frame 0"),
 }  # fmt: skip
-"""Masks of which nothing can be made, and what is said of them."""
+"""Masks that cannot be used, and the messages about them."""

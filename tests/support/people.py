@@ -1,4 +1,4 @@
-"""A person of proportions of their own, made of capsules and filmed: for what finds proportions."""
+"""A person with individual proportions, made of capsules and filmed, for tests of body calibration."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ _STOUTER = 0.008  # m, at waist and chest
 
 
 def other_person() -> Body:
-    """Somebody as adults are, but stouter at waist and chest than goes with the rest."""
+    """A typical adult, but with more flesh at waist and chest."""
     body = draw_adult(1, 1.78)
     stouter = [_STOUTER * (name[2:] in ("waist", "chest")) for name in BALL_NAMES]
     return Body(body.skeleton, body.segments, body.offsets, np.asarray(body.radii) + stouter, body.links)

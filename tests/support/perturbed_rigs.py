@@ -1,4 +1,4 @@
-"""Rigs of cameras that are wrong, people of balls in front of them, and by how much their outlines miss each other."""
+"""Wrong rigs of cameras, people made of balls in front of them, and the misses of their outlines."""
 
 import jax
 import numpy as np
@@ -82,6 +82,6 @@ def residuals(
 
 
 def missed(recording: Recording, rig: Cameras) -> np.ndarray:
-    """Residuals of the rays that tell anything (px)."""
+    """Residuals of the rays that give information (px)."""
     value = residuals(rig, *looked_up(recording, rig))
     return value[value > NOTHING]

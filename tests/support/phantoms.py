@@ -137,7 +137,7 @@ def drawn_body(balls: list[tuple[str, tuple, float]], links: list[tuple[int, int
 
 
 def shifted(body: PlacedBody, **segments) -> PlacedBody:
-    """The placed body with segments moved (m) as if they were torn off, so that depths are easily computed."""
+    """The placed body with segments moved apart (m), so that depths are easily computed."""
     origins = np.array(body.origins)
     for name, by in segments.items():
         origins[SEGMENT_NAMES.index(name)] += by
@@ -145,7 +145,7 @@ def shifted(body: PlacedBody, **segments) -> PlacedBody:
 
 
 def ideal_graph(skeleton: Skeleton, pose: Pose) -> Observed:
-    """The labelled graph of a body that is nothing but its bones: paths run through the joints to the end nodes."""
+    """The labelled graph of a body made of bones only: paths run through the joints to the end nodes."""
     joints, tips = (np.asarray(a, np.float64) for a in forward_kinematics(skeleton, pose))
     base = joints[list(TIP_PARENTS)]
     ends = base + END_NODE_REACH * (tips - base)

@@ -1,4 +1,4 @@
-"""What is proposed for a folder, and why not."""
+"""Proposals for a folder, and refusals."""
 
 import tomllib
 from pathlib import Path
@@ -11,7 +11,7 @@ from support import recording_folders as folders
 
 
 def proposed(folder: Path, **given) -> tuple[dict, tuple[str, ...]]:
-    """The table that is proposed, which can be read, and the doubts."""
+    """The proposed table, which must be readable, and the doubts."""
     proposal = propose_recording(folder, fps=given.pop("fps", 30.0), **given)
     (folder / "recording.toml").write_text(proposal.text)
     assert len(read_recording(folder)) > 0

@@ -1,4 +1,4 @@
-"""Every reader of files, with small valid files for it: to be damaged, and to be made to claim too much."""
+"""Every reader of files, with small valid files for it, to be damaged or to be made to claim too much data."""
 
 import re
 from collections.abc import Callable
@@ -37,7 +37,7 @@ class Reader:
     """How a file or a set of files is written, and how it is read."""
 
     write: Callable[[Path], Path]
-    """Into a folder; gives what is to be read."""
+    """Writes into a folder; returns the path to read."""
     read: Callable[[Path], Any]
     check: Callable[[Any], None]
     """Fails where a result is not valid."""

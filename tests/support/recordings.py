@@ -48,13 +48,13 @@ def mirrored(recording: Recording) -> Recording:
 
 
 def with_known_body(recording: Recording) -> Settings:
-    """The default for an average adult of the recording's dimensions: nothing is calibrated, which takes its time."""
+    """Default settings with an average adult of the recording's dimensions, to save the time of calibration."""
     assert recording.skeleton is not None
     return Settings(body=make_body(recording.skeleton))
 
 
 def with_hull(settings: Settings, **changes) -> Settings:
-    """The same settings, but for how hulls are carved."""
+    """The same settings with other hull settings."""
     return replace(settings, hull=replace(settings.hull, **changes))
 
 

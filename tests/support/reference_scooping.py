@@ -1,4 +1,4 @@
-"""The rule of scooping, cell by cell and as plainly as can be: what the batched one is compared with."""
+"""Plain voxel scooping, cell by cell: the reference for the batched implementation."""
 
 import numpy as np
 
@@ -17,7 +17,7 @@ def touch(some, others) -> bool:
 
 
 def connected_parts(cells, beside):
-    """What is connected among some cells, each part in the order of the cells, by its first one."""
+    """Connected components of some cells: members in the order of the cells, components by their first cell."""
     left, parts = dict.fromkeys(cells), []
     while left:
         part, todo = set(), [next(iter(left))]

@@ -1,4 +1,4 @@
-"""A small recording with poses near its truth, which the tests of the report share, and what a page of it holds."""
+"""A small recording with poses near its truth, shared by the tests of the report, and the data in its page."""
 
 import base64
 import json
@@ -45,7 +45,7 @@ def poses_of(recording: Recording) -> Poses:
 
 
 def numbers_in(page: str) -> dict:
-    """What the scripts of a page read."""
+    """The data that the scripts of a page read."""
     found = re.findall(r'<script type="application/json" id="data">(.*?)</script>', page, re.S)
     assert len(found) == 1
     return json.loads(found[0])

@@ -1,10 +1,10 @@
-"""What a file of the viewer holds."""
+"""The contents of a viewer file."""
 
 from support.report_page import FRAMES
 
 
 def read(path) -> dict:
-    """Of every component, by entity and name: what was logged, by frame; by None where it holds for all frames."""
+    """Logged values of every component, by entity and name, then by frame; by None if they hold for all frames."""
     from rerun.chunk import RrdReader
 
     found: dict = {}

@@ -1,4 +1,4 @@
-"""Recordings that come beside the project, where they do."""
+"""The shared recordings beside the project, where they exist."""
 
 from pathlib import Path
 

@@ -51,7 +51,7 @@ PartitionName=all Nodes=node Default=YES DefMemPerCPU=1000 State=UP
 
 
 def reason_to_skip() -> str | None:
-    """Why no Slurm can be started here."""
+    """The reason why Slurm cannot be started here; None if it can."""
     path = f"{os.environ['PATH']}:/usr/sbin:/sbin"  # daemons are not on the path of every shell
     missing = [program for program in PROGRAMS if not shutil.which(program, path=path)]
     if missing:
@@ -60,7 +60,7 @@ def reason_to_skip() -> str | None:
 
 
 def until(holds: Callable[[], object], what: str, seconds: float = 60) -> None:
-    """Wait for something, and say what did not come."""
+    """Wait for a condition; fail with a message if it does not hold in time."""
     end = time.monotonic() + seconds
     while not holds():
         assert time.monotonic() < end, f"{what}: not within {seconds} s"
@@ -68,7 +68,7 @@ def until(holds: Callable[[], object], what: str, seconds: float = 60) -> None:
 
 
 class SlurmNode:
-    """What a test does with the node: `environment` is what a command needs to find it."""
+    """The node as tests use it; a command needs `environment` to find it."""
 
     def __init__(self, folder: Path):
         self.folder = folder
@@ -79,17 +79,17 @@ class SlurmNode:
         }
 
     def run(self, *command: object) -> str:
-        """What a command prints; that it fails is an error with what it said."""
+        """Run a command and return its output; if it fails, the error has its message."""
         done = subprocess.run([*map(str, command)], env=self.environment, capture_output=True, text=True, timeout=60)
         assert done.returncode == 0, f"{command}: {done.stdout}{done.stderr}{self.log()}"
         return done.stdout.strip()
 
     def log(self) -> str:
-        """The end of what the daemons wrote."""
+        """The end of the daemons' logs."""
         return "\n".join(f"{file}:\n{file.read_text()[-6000:]}" for file in sorted(self.folder.glob("*.log")))
 
     def submit(self, script: Path, *options: object) -> str:
-        """Hand over a script; gives the job's number."""
+        """Submit a script; return the job's number."""
         return self.run("sbatch", "--parsable", *options, script)
 
     def states(self, job: str) -> set[str]:
@@ -102,23 +102,23 @@ class SlurmNode:
         return subprocess.run(command, env=self.environment, capture_output=True, text=True).stdout.strip() == "idle"
 
     def wait_until_empty(self, seconds: float = 120) -> None:
-        """Until nothing runs or waits."""
+        """Wait until no job runs or waits."""
         until(lambda: not self.run("squeue", "--noheader") and self.is_idle(), f"an empty queue{self.log()}", seconds)
 
     def wait_until(self, job: str, state: str, seconds: float = 60) -> None:
-        """Until a job, or every task that is asked for, is in a state, such as `RUNNING`."""
+        """Wait until a job, or every given task, is in a state such as `RUNNING`."""
         until(lambda: self.states(job) == {state}, f"{job} {state}{self.log()}", seconds)
 
     def requeue(self, job: str) -> None:
-        """End a job or an array's task and start it again, soon: a requeued job waits two minutes by default."""
+        """Requeue a job or an array's task, and restart it soon: by default a requeued job waits two minutes."""
         self.run("scontrol", "requeue", job)
         self.start_soon(job)
 
     def start_soon(self, job: str) -> None:
         """Do not let a requeued job wait for long.
 
-        Not at once either: what a node is sent in the very second in which the job ended before, it takes for a part
-        of what has ended, and the controller ends the job for good.
+        But do not start it at once: if it reaches the node within the second in which it ended, the node takes it for
+        a part of the ended run, and the controller ends the job for good.
         """
         self.wait_until(job, "PENDING")
         self.run("scontrol", "update", f"JobId={job}", "StartTime=now+3seconds")
@@ -140,7 +140,7 @@ class SlurmNode:
 
 
 def _environment(process: int) -> bytes:
-    """What a process was started with; the tests' own has no node in it."""
+    """The environment of a process; the tests' own does not name the node."""
     try:
         return Path(f"/proc/{process}/environ").read_bytes() + b"\0"
     except OSError:  # it has just ended
@@ -149,7 +149,7 @@ def _environment(process: int) -> bytes:
 
 @contextmanager
 def running(folder: Path) -> Iterator[SlurmNode]:
-    """A node that takes jobs; whatever happens inside, nothing of it runs afterwards."""
+    """A node that takes jobs; all its processes are ended afterwards, even after an error."""
     node = SlurmNode(folder)
     with socket.create_server(("127.0.0.1", 0)) as first, socket.create_server(("127.0.0.1", 0)) as second:
         ports = {"controller_port": first.getsockname()[1], "node_port": second.getsockname()[1]}
@@ -163,7 +163,7 @@ def running(folder: Path) -> Iterator[SlurmNode]:
 
     def start(*command: str) -> None:
         with (folder / f"{command[0]}.log").open("w") as log:
-            # Should the tests be killed, so are the daemons.
+            # If the tests are killed, the daemons are killed too.
             bound = ["setpriv", "--pdeathsig", "KILL", *command]
             daemons.append(subprocess.Popen(bound, env=node.environment, stdout=log, stderr=log, cwd=folder))
 

@@ -10,7 +10,7 @@ def square(number: int) -> int:
 
 
 def wait_for_go(log: Path) -> int:
-    """Tell each start, wait for the file `go` beside the log, and give the restarts so far."""
+    """Log each start, wait for the file `go` beside the log, and return the number of restarts so far."""
     restarts = int(os.environ.get("SLURM_RESTART_COUNT", 0))
     with log.open("a") as file:
         file.write(f"{os.environ['SLURM_ARRAY_TASK_ID']} {restarts}\n")

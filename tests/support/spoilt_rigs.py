@@ -1,4 +1,4 @@
-"""A recording that is as it should be, and ways to spoil it."""
+"""A correct recording, and faults to add to it."""
 
 from dataclasses import replace
 

@@ -26,7 +26,7 @@ def rig(size: tuple[int, int] = SIZE) -> Cameras:
 
 @cache
 def masks(size: tuple[int, int] = SIZE) -> np.ndarray:
-    """What they see, frames x views x rows x columns, 0 or 255."""
+    """Their images, frames x views x rows x columns, 0 or 255."""
     packed = film(rig(size), [body(seed) for seed in range(FRAMES)])
     return unpack_silhouettes(packed, size[0]).astype(np.uint8) * np.uint8(255)
 
@@ -51,11 +51,11 @@ def undescribed(
     """Write a calibration and images.
 
     Args:
-        folder: Where.
-        changes: What is done to the images, of all views or of each.
+        folder: Folder to write to.
+        changes: Changes of the images, for all views or for each.
         place: The path of an image, by the camera's name and the frame.
         size: Of the calibrated images (px).
-        calibration: The rig that the calibration says, if it is another one.
+        calibration: The rig in the calibration file, if it differs.
     """
     cameras = rig(size)
     write_pose2sim_calibration(folder / "Calib_scene.toml", calibration or cameras)

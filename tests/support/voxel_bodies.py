@@ -1,4 +1,4 @@
-"""Drawn bodies of voxels, and skeletonisers at work on them."""
+"""Drawn voxel bodies, and their skeletons."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What nothing can come of is refused before any work, by `run` and by a batch, and `--anyway` goes on."""
+"""`run` and batches refuse hopeless recordings before any work; with `--anyway` they go on."""
 
 import pytest
 from support.command_line import jaxskel
@@ -37,9 +37,9 @@ def test_views_that_contradict_each_other_are_refused_and_nothing_is_written(rec
     assert batches == [0]
 
 
-def test_a_good_recording_is_told_nothing_and_a_doubtful_one_goes_on(recording, tmp_path):
+def test_a_good_recording_has_no_doubts_and_a_doubtful_one_goes_on(recording, tmp_path):
     assert doubts_before_work(tmp_path, recording) == []
-    # Of one view of six, the others can do without.
+    # Only one view of six is wrong, and the other five suffice.
     (line,) = doubts_before_work(tmp_path, with_view(recording, 2, lambda m: m[:, :, ::-1]))
     assert line.startswith(f"{tmp_path}: ")
     assert MIRRORED in line

@@ -30,7 +30,7 @@ def recording():
 
 @pytest.fixture(scope="module")
 def few(recording):
-    """Every tenth frame: what is wrong with the images or the cameras shows in four frames as in eight."""
+    """Every tenth frame: faults of images or cameras show in four frames as well as in eight."""
     return recording[::10]
 
 
@@ -96,7 +96,7 @@ def test_of_five_mirrored_views_four_agree_but_all_are_named():
     assert "every view is mirrored" in finding.told
 
 
-def test_several_faults_at_once_are_no_secret(few):
+def test_several_faults_at_once_are_reported(few):
     spoilt = with_view(exchanged(few, 0, 3), 1, lambda m: m[:, :, ::-1])
     (finding,) = judge(spoilt).findings
     assert "no single view explains it" in finding.told or len(finding.views) > 1

@@ -1,4 +1,4 @@
-"""What the tests of the viewer share; other files have recordings of their own under the same names."""
+"""Fixtures shared by the tests of the viewer; other files have their own recordings under the same names."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ EMPTY = 7
 
 @pytest.fixture(scope="module")
 def view():
-    """The package's module, where the viewer's package is there and can read its own files."""
+    """The package's module; skips if the viewer's package is missing or cannot read its own files."""
     pytest.importorskip("rerun.chunk", reason='needs rerun: pip install "jaxskel[view]"')
     import jaxskel.visualization.viewer
 

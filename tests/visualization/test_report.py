@@ -126,7 +126,7 @@ def test_nothing_of_the_page_is_fetched(page):
     assert "default-src 'none'" in page
     assert "unsafe" not in page
     for words in ("src=", "href=", "@import", "url(", "fetch(", "XMLHttpRequest", "http://", "https://"):
-        # The name of SVG's namespace is no address that anything asks for.
+        # The name of SVG's namespace is not fetched.
         assert words not in page.replace("http://www.w3.org/2000/svg", ""), words
 
 
@@ -164,7 +164,7 @@ def test_no_pose_at_all_is_a_page_too(recording, poses, tmp_path):
     [
         ({"up": "+Y"}, "up \\+Z but the poses have \\+Y"),
         ({"fps": 7.0}, "frames per second 5.0 but the poses have 7.0"),
-        ({"frame_index": np.arange(FRAMES)}, "frame 0 is not there, .* \\(12 of 12 frames\\)"),
+        ({"frame_index": np.arange(FRAMES)}, "frame 0 is missing, .* \\(12 of 12 frames are missing\\)"),
     ],
 )
 def test_poses_of_another_recording_are_refused(recording, poses, tmp_path, change, message):

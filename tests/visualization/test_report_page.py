@@ -252,7 +252,7 @@ def _written(path: Path, recording: Recording, poses: Poses, limit: int) -> str:
 @pytest.mark.skipif(not REAL.exists(), reason="needs real/vlasic_crane/vlasic_crane.npz in ../shared/data")
 def test_a_real_recording_of_eight_large_views_plays_from_a_small_page(driver, tmp_path):
     real = read_recording(REAL)
-    # A person at rest on the spot stands for the poses, which take minutes; the silhouettes are what takes room.
+    # A person at rest replaces the poses, whose computation takes minutes; the silhouettes need most of the space.
     body, turn = default_adult(), rotation_to_z_up(real.up)
     joints, tips = ((np.array(p) + [0, 0, 1]) @ turn for p in (body.rest_joints, body.rest_tips))
     n = len(real)

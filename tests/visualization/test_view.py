@@ -1,4 +1,4 @@
-"""What the interactive view holds, read back from its file."""
+"""The contents of the interactive view, read back from its file."""
 
 from dataclasses import replace
 from unittest.mock import patch
@@ -128,7 +128,7 @@ def test_large_views_are_shown_small_and_fit_their_cameras(view, recording, pose
     for camera, name in enumerate(recording.cameras.names):
         assert found[f"/world/cameras/{name}", "resolution"][None] == [[640.0, 512.0]]
         K = np.array(found[f"/world/cameras/{name}", "image_from_camera"][None][0]).reshape(3, 3).T
-        # Seen straight, which the later cameras' lenses are, a joint is where the viewer puts it by itself.
+        # Through lenses without distortion, as of the later cameras, a joint is where the viewer itself projects it.
         if camera > 0:
             centre = np.array(found[f"/world/cameras/{name}", "translation"][None][0])
             turn = np.array(found[f"/world/cameras/{name}", "mat3x3"][None][0]).reshape(3, 3).T

@@ -1,0 +1,62 @@
+"""A subject's flesh around a known skeleton, found from silhouettes."""
+
+import jax
+import numpy as np
+import pytest
+from support.capsule_films import ADULT, BODY, some
+
+from jaxskel import HullSettings, Recording, Settings, default_adult, make_body, prepare
+from jaxskel.body import BALL_NAMES, Body, flesh_prior, lengths_of, measured_body, place_body
+from jaxskel.synthetic import camera_ring, demo_motion, render
+
+# Of the demo motion at 5 frames a second: two of a walk, waving, a turn, crane stand, crouch, twice hands on hips.
+FRAMES = [7, 9, 18, 35, 43, 50, 55, 57]
+LIMBS = [i for i, name in enumerate(BALL_NAMES) if name[2:] in ("elbow", "forearm", "knee", "calf")]
+
+
+def film(body: Body) -> Recording:
+    cameras = camera_ring(size=(320, 240))
+    silhouettes = render(cameras, *place_body(body, some(demo_motion(ADULT), FRAMES)))
+    return Recording(cameras, silhouettes, 5.0, "+Z", np.arange(len(FRAMES)), ADULT)
+
+
+@pytest.fixture(scope="module", params=[0.8, 1.2])
+def stout_and_found(request) -> tuple[Body, Body]:
+    """A body whose limbs are thinner or thicker than an average adult's, and what `prepare` finds."""
+    radii = np.asarray(BODY.radii) * np.where(np.isin(np.arange(len(BALL_NAMES)), LIMBS), request.param, 1.0)
+    true = Body(ADULT, BODY.segments, BODY.offsets, radii, BODY.links)
+    return true, prepare(film(true), Settings(hull=HullSettings(max_misses=0))).body
+
+
+def test_flesh_of_the_limbs_comes_near_to_the_true_one(stout_and_found):
+    true, found = stout_and_found
+    before, after = (np.abs(np.asarray(body.radii) - true.radii)[LIMBS] for body in (BODY, found))
+    assert after.mean() < 0.5 * before.mean()
+
+
+def test_a_known_skeleton_is_kept(stout_and_found):
+    _, found = stout_and_found
+    np.testing.assert_allclose(found.skeleton.rest_joints, ADULT.rest_joints, atol=1e-4)
+    np.testing.assert_allclose(found.skeleton.rest_tips, ADULT.rest_tips, atol=1e-4)
+
+
+def test_left_mirrors_right(stout_and_found):
+    _, found = stout_and_found
+    for ball, name in enumerate(BALL_NAMES):
+        other = BALL_NAMES.index({"l_": "r_"}.get(name[:2], name[:2]) + name[2:])
+        np.testing.assert_allclose(found.radii[other], found.radii[ball], atol=1e-6)
+        if other != ball:
+            np.testing.assert_allclose(found.offsets[other], found.offsets[ball] * [1, -1, 1], atol=1e-5)
+
+
+def test_the_prior_of_flesh_keeps_lengths_and_grows_with_the_body():
+    small, tall = (flesh_prior(default_adult(stature)) for stature in (1.5, 1.8))
+    for prior in (small, tall):
+        np.testing.assert_array_equal(prior.mean.lengths, 0.0)
+        assert np.linalg.eigvalsh(prior.precision).min() > 0
+    np.testing.assert_allclose(tall.mean.balls, 1.2 * np.asarray(small.mean.balls), rtol=1e-6, atol=1e-9)
+    body = measured_body(ADULT, flesh_prior(ADULT).mean)
+    np.testing.assert_allclose(lengths_of(body.skeleton), lengths_of(ADULT), rtol=1e-5)
+    # A body as adults are is not far from the one that `make_body` draws.
+    assert np.abs(np.asarray(body.radii) - make_body(ADULT).radii).max() < 0.03
+    jax.tree.map(np.testing.assert_array_equal, body.segments, BODY.segments)
