@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._runtime.compile_cache import cached_jit
 from ..body import Pose, Skeleton
+from ._covariance import joint_covariance
 from .parametrisations import Parametrisation
 from .terms import Objective, Observed
 
@@ -28,6 +29,8 @@ class Refined(eqx.Module):
     """(m, in the world)"""
     tips: Float[Array, "*frames tips=5 3"]
     """(m, in the world)"""
+    covariance: Float[Array, "*frames joints=15 3 3"]
+    """Of each joint, see `joint_covariance`: in m^2 if a residual of one is one standard deviation."""
     costs: dict[str, Float[Array, "*frames"]]
     """Weighted cost of each term, by its name."""
     converged: Bool[Array, "*frames"]
@@ -79,7 +82,8 @@ def refine_frame(
     finite = jnp.isfinite(ravel_pytree((base, list(costs.values())))[0]).all()
     base = jax.tree.map(lambda new, old: jnp.where(finite, new, old), base, start)
     body, pose = parametrisation.placed(base, skeleton), parametrisation.pose(base, skeleton)
-    return Refined(pose, body.joints, body.tips, costs, converged[-1] & finite, finite, steps[-1])
+    covariance = joint_covariance(objective, parametrisation, base, skeleton, observed)
+    return Refined(pose, body.joints, body.tips, covariance, costs, converged[-1] & finite, finite, steps[-1])
 
 
 @cached_jit

@@ -10,6 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._runtime.compile_cache import cached_jit
 from ..body import Pose, Skeleton
+from ._covariance import joint_covariance
 from ._frames import Refined, Solver
 from .parametrisations import Parametrisation
 from .solvers import Coupled
@@ -104,7 +105,9 @@ def refine_sequence(
         between = (rows.reshape(len(rows), -1) ** 2).sum(1)
         costs[name] = jnp.zeros(count, between.dtype).at[1:-1].set(between)
     ended, taken = jnp.broadcast_to(converged[-1] & whole, count), jnp.broadcast_to(steps[-1], count)
-    return Refined(pose, placed.joints, placed.tips, costs, ended, seen & whole, taken)
+    alone = Objective(objective.of_frames)  # without the couplings, which would only lower it
+    covariance = one_by_one(lambda one, frame: joint_covariance(alone, parametrisation, one, skeleton, frame), base)
+    return Refined(pose, placed.joints, placed.tips, covariance, costs, ended, seen & whole, taken)
 
 
 def _couplings(objective: Objective, placed: PlacedBody) -> dict[str, Float[Array, "couplings ..."]]:
