@@ -1,4 +1,4 @@
-"""Start poses of the search: eight a frame from the graph; eight more that need no graph."""
+"""Start poses of the search: eight a frame from the graph, and others that need no graph."""
 
 import numpy as np
 from jaxtyping import Float
@@ -9,6 +9,8 @@ from ..body import JOINT_NAMES, PIVOT_NAMES, SEGMENT_NAMES, Pose, Skeleton, hing
 from ..matching import L_FOOT, R_FOOT, Limbs
 
 STARTS = 8
+# A front is along the spine if less than this of it (sine) is across.
+_ALONG = 0.3
 # A crouch: lean of the trunk, flexion of hips and knees (rad), and the pelvis relative to the middle of the body
 # (shares of the stature, in the frame of the body: behind and below).
 _LEAN, _HIP, _KNEE = 0.3, 1.8, 2.1
@@ -67,9 +69,14 @@ def _eight_ways(
     skeleton: Skeleton,
 ) -> Pose:
     poses: list[np.ndarray] = []
-    for quarter in (0, 2, 1, 3):
-        turned = front @ np.linalg.matrix_power(_LEFT_OF_FRONT, quarter).T
-        left = turned @ _LEFT_OF_FRONT.T
+    # The body is turned about its own spine, which need not be upright.
+    upwards = unit(spine)
+    ahead = front - upwards * (front * upwards).sum(1, keepdims=True)
+    # Whoever lies along the estimated front faces up or down.
+    ahead = np.where(np.linalg.norm(ahead, axis=1, keepdims=True) > _ALONG, ahead, [0.0, 0.0, 1.0])
+    first = unit(np.cross(upwards, ahead))
+    second = np.cross(upwards, first)
+    for left in (first, -first, second, -second):
         straight = ((feet[:, 0] - feet[:, 1]) * left).sum(1) >= 0
         for crossed in (False, True):
             order = np.where((straight != crossed)[:, None], [0, 1], [1, 0])
@@ -79,14 +86,16 @@ def _eight_ways(
 
 
 def graphless_poses(middles: Float[np.ndarray, "frames 3"], skeleton: Skeleton) -> Pose:
-    """Eight poses a frame that need no graph: standing and crouching around the middle of the body, facing four ways.
+    """Poses that need no graph, around the middle of the body: upright, crouched, upside down and lying.
+
+    Each faces four ways; those who lie do so on the back and on the belly.
 
     Args:
         middles: Middle of the body (m), see `body_middles`, in a world with z up.
         skeleton: Template.
 
     Returns:
-        Poses with axes ``frames starts=8``.
+        Poses with axes ``frames starts=20``.
     """
     standing = np.repeat(np.eye(3)[None], len(SEGMENT_NAMES), 0)
     crouching, axes = np.repeat(_about_left(_LEAN)[None], len(SEGMENT_NAMES), 0), np.asarray(hinge_axes(skeleton))
@@ -96,6 +105,7 @@ def graphless_poses(middles: Float[np.ndarray, "frames 3"], skeleton: Skeleton) 
         crouching[shank] = crouching[thigh] @ turn_about(axes[None, 2 + number], np.array([_KNEE]))[0]
         crouching[foot] = np.eye(3)
     poses = [(standing, np.zeros(3)), (crouching, skeleton.stature * _CROUCHED)]
+    poses += [(_about_left(angle) @ standing, np.zeros(3)) for angle in (np.pi, np.pi / 2, -np.pi / 2)]
     turns = [np.linalg.matrix_power(_LEFT_OF_FRONT, quarter) for quarter in range(4)]
     roots = np.stack([turn @ offset for _, offset in poses for turn in turns])
     rotations = np.stack([turn @ pose for pose, _ in poses for turn in turns])

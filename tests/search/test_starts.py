@@ -199,8 +199,8 @@ def test_other_ways_are_those_of_a_graph_with_the_same_pelvis_neck_and_feet():
 def test_graphless_poses_stand_and_crouch_in_the_middle_and_face_four_ways():
     middles = np.array([[0.5, -0.2, 0.9], [-1.0, 2.0, 1.1]])
     poses = graphless_poses(middles, ADULT)
-    assert poses.root.shape == (2, 8, 3)
-    assert poses.rotations.shape == (2, 8, 17, 3, 3)
+    assert poses.root.shape == (2, 20, 3)
+    assert poses.rotations.shape == (2, 20, 17, 3, 3)
     np.testing.assert_array_equal(poses.root[:, :4], np.repeat(middles[:, None], 4, 1))
     np.testing.assert_allclose(poses.rotations[:, :4, 0, :, 0], [[[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]]] * 2)
     np.testing.assert_allclose(np.linalg.det(poses.rotations), 1.0)
@@ -213,6 +213,27 @@ def test_graphless_poses_stand_and_crouch_in_the_middle_and_face_four_ways():
             np.testing.assert_allclose(joints[way + 1], middle + turned(first, 1), atol=1e-6)
             np.testing.assert_allclose(joints[way + 2], middle + turned(first, 2), atol=1e-6)
             np.testing.assert_allclose(joints[way + 3], middle + turned(first, 3), atol=1e-6)
+
+
+def test_graphless_poses_stand_on_the_head_and_lie():
+    trunks = graphless_poses(np.zeros((1, 3)), ADULT).rotations[0, :, 0]
+    up, front = trunks[:, :, 2], trunks[:, :, 0]
+    np.testing.assert_allclose(up[8:12], [[0, 0, -1]] * 4, atol=1e-12)
+    np.testing.assert_allclose(up[12:, 2], 0, atol=1e-12)
+    # On the belly, then on the back, the head to all four sides.
+    np.testing.assert_allclose(front[12:, 2], [-1] * 4 + [1] * 4, atol=1e-12)
+    assert len({tuple(np.round(way).astype(int)) for way in up[12:16]}) == 4
+
+
+def test_a_body_that_lies_is_turned_about_its_spine():
+    lying = joints_of(starts_of("standing"))[:1].astype(np.float64) @ np.array([[0, 0, -1.0], [0, 1, 0], [1, 0, 0]]).T
+    poses = other_ways(lying, ADULT)
+    spines = poses.rotations[0, :, 1, :, 2]
+    np.testing.assert_allclose(spines, np.broadcast_to(spines[0], spines.shape), atol=0.05)
+    fronts = poses.rotations[0, ::2, 0, :, 0]
+    np.testing.assert_allclose(
+        fronts @ fronts.T, [[1, -1, 0, 0], [-1, 1, 0, 0], [0, 0, 1, -1], [0, 0, -1, 1]], atol=1e-6
+    )
 
 
 def turned(joints: np.ndarray, quarters: int) -> np.ndarray:
