@@ -25,7 +25,8 @@ from ..recording import Recording
 from ._observe_batch import Observation, label_graphs, look_at_outlines, observe_batch
 from ._prepare import prepare
 from ._settings import Settings
-from ._subject import SUBJECT_STAGES, Costs, Sight, find_subject
+from ._subject import OTHER_SIZES, Costs, Sight, find_subject
+from ._subject import STAGES as SUBJECT_STAGES
 
 FRAMES = 60
 STAGES = ("looking", *SUBJECT_STAGES)
@@ -108,7 +109,7 @@ def calibrate_body(
         raise ValueError("calibrate_body: the settings have no search for poses; give Settings(search=Search())")
     on_stage(STAGES[0])
     template, sight = _look(recording, settings, skeleton, frames)
-    subject = find_subject(template, adults_prior(template), sight, settings.search, on_stage)
+    subject = find_subject(template, adults_prior(template), sight, settings.search, OTHER_SIZES, on_stage)
     poses, body = subject.poses, subject.body
     deviations = np.sqrt(np.diagonal(subject.covariance))
     still = {bone for bone in _TURNING if _turning(poses, body.skeleton, bone) < _TURNED}

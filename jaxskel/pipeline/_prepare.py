@@ -14,11 +14,9 @@ from ..search import make_model
 from ._observe_batch import observe_batch
 from ._prepared import Prepared
 from ._settings import Settings
-from ._subject import Sight, find_subject
+from ._subject import OTHER_SIZES, Sight, find_subject
 
 _SUBJECT_FRAMES = 24
-# A body is not calibrated on fewer frames than this: a single wrong pose would distort it.
-_LEAST_FRAMES = 8
 _STATURES = (0.8, 2.4)  # m
 
 
@@ -83,11 +81,12 @@ def _with_subject(prepared: Prepared, recorded: Silhouettes, settings: Settings,
         prepared = eqx.tree_at(
             lambda p: (p.skeleton, p.body), prepared, (skeleton, settings.body or make_body(skeleton))
         )  # fmt: skip
-    if settings.search is None or found.outlines is None or len(found.seen.frames) < _LEAST_FRAMES:
+    if settings.search is None or found.outlines is None:
         return prepared
     sight = Sight(found.outlines.observed, found.labelled.limbs, found.labelled.facing, found.outlines.middles)
-    prior = flesh_prior(skeleton) if prepared.skeleton_is_known else adults_prior(skeleton)
-    subject = find_subject(skeleton, prior, sight, settings.search)
+    known = prepared.skeleton_is_known
+    prior, sizes = (flesh_prior(skeleton), ()) if known else (adults_prior(skeleton), OTHER_SIZES)
+    subject = find_subject(skeleton, prior, sight, settings.search, sizes)
     return replace(prepared, skeleton=subject.body.skeleton, body=subject.body, costs=subject.costs)
 
 

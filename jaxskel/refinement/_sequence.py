@@ -105,7 +105,7 @@ def refine_sequence(
         between = (rows.reshape(len(rows), -1) ** 2).sum(1)
         costs[name] = jnp.zeros(count, between.dtype).at[1:-1].set(between)
     ended, taken = jnp.broadcast_to(converged[-1] & whole, count), jnp.broadcast_to(steps[-1], count)
-    alone = Objective(objective.of_frames)  # without the couplings, which would only lower it
+    alone = Objective({**objective.of_frames})  # without the couplings, which would only lower it
     covariance = one_by_one(lambda one, frame: joint_covariance(alone, parametrisation, one, skeleton, frame), base)
     return Refined(pose, placed.joints, placed.tips, covariance, costs, ended, seen & whole, taken)
 
