@@ -94,17 +94,18 @@ def _at_rest(skeleton: Skeleton) -> dict[str, Float[np.ndarray, "3"]]:
 def _to_t_pose(skeleton: Skeleton) -> Float[np.ndarray, "segments=17 3 3"]:
     """Rotation of each segment from the template's rest to a T-pose: arms to the sides, legs down, feet ahead.
 
-    Trunk and head stay. Limbs are straightened by the least rotations, so elbows and knees keep their hinges.
+    Trunk and head stay. Hinges of elbows point up or down and those of knees to the left, so that a limb which bends
+    as a hinge does so about one axis of the file. A bone beyond may go sideways by a degree or two, as shanks do.
     """
     at, turns = _at_rest(skeleton), {name: np.eye(3) for name in SEGMENT_NAMES}
     for side, out in (("l_", _LEFT), ("r_", -_LEFT)):
         arm, leg = (
             [at[side + point] for point in chain] for chain in (("shoulder", "elbow", "hand"), ("hip", "knee", "ankle"))
         )
-        turns[side + "upper_arm"], turns[side + "forearm"] = _straightened(arm, out)
+        turns[side + "upper_arm"], turns[side + "forearm"] = _straightened(arm, out, _FRONT)
         # The wrist is on the line from elbow to palm.
         turns[side + "hand"] = turns[side + "forearm"]
-        turns[side + "thigh"], turns[side + "shank"] = _straightened(leg, -_UP)
+        turns[side + "thigh"], turns[side + "shank"] = _straightened(leg, -_UP, -_FRONT)
         ahead = (at[side + "toetip"] - at[side + "ankle"]) * [1.0, 1.0, 0.0]
         if np.linalg.norm(ahead) > _AHEAD:
             turns[side + "foot"] = frame(_UP, np.cross(_UP, ahead)).T
@@ -112,9 +113,18 @@ def _to_t_pose(skeleton: Skeleton) -> Float[np.ndarray, "segments=17 3 3"]:
 
 
 def _straightened(
-    points: list[Float[np.ndarray, "3"]], way: Float[np.ndarray, "3"]
+    points: list[Float[np.ndarray, "3"]], way: Float[np.ndarray, "3"], bends: Float[np.ndarray, "3"]
 ) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3 3"]]:
-    """Rotations that lay two consecutive bones along a unit vector; the second one goes with the first."""
-    first, second = (unit(end - start) for start, end in zip(points, points[1:], strict=False))
+    """Rotations that lay the first bone along `way`, and the second one as nearly as turning about the hinge can.
+
+    Args:
+        points: Ends of two consecutive bones at rest (m).
+        way: Unit vector.
+        bends: Unit vector perpendicular to it: where the limb bends to, as in `hinge_axes`.
+    """
+    first, second = (unit(end - start) for start, end in zip(points[:-1], points[1:], strict=True))
+    hinge = np.cross(way, bends)
     upper = aligning(first, way)
-    return upper, aligning(upper @ second, way) @ upper
+    upper = aligning(unit(upper @ np.cross(first, bends)), hinge) @ upper
+    bone = upper @ second
+    return upper, aligning(unit(bone - hinge * (hinge @ bone)), way) @ upper
