@@ -18,8 +18,6 @@ from ..recordings import check_names, frame_numbers, frame_rate, truth
 
 # What an older version did not write.
 _ROTATIONS = ("rotations", "rest_joints", "rest_tips")
-# Largest total size of the arrays (bytes): ten hours at 30 frames per second fit.
-_MAX_BYTES = 2**30
 # A matrix whose product with its transpose is off the identity by more is no rotation that was rounded.
 _NO_ROTATION = 1e-3
 
@@ -83,7 +81,6 @@ def read_poses(path: str | Path) -> Poses:
         path,
         required=("joints", "tips", "confidence", "side_confidence", "status", "fps", "up", "frame_index"),
         optional=("joint_names", "tip_names", "status_names", "segment_names", *_ROTATIONS),
-        most=_MAX_BYTES,
     )
     for key, names in (
         ("joint_names", JOINT_NAMES),
