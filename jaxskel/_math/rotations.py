@@ -96,6 +96,14 @@ def turn_about(axis: Float[np.ndarray, "n 3"], angle: Float[np.ndarray, " n"]) -
     return np.eye(3) + sine * cross + (1 - cosine) * (cross @ cross)
 
 
+def nearest_rotation(matrices: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch 3 3"]:
+    """The rotation nearest to each matrix, in the sum of squares (Kabsch, Umeyama)."""
+    left, _, right = np.linalg.svd(matrices)
+    mirrored = np.linalg.det(left @ right) < 0
+    left[..., 2] = np.where(mirrored[..., None], -left[..., 2], left[..., 2])
+    return left @ right
+
+
 def aligning(
     start: Float[np.ndarray, "*batch 3"], goal: Float[np.ndarray, "*batch 3"]
 ) -> Float[np.ndarray, "*batch 3 3"]:

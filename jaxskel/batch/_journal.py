@@ -11,15 +11,15 @@ import jax
 import numpy as np
 
 from .._runtime.atomic_files import written_whole
-from ..body import Pose
+from ..body import Pose, Skeleton
 from ..io.files import numbers, read_arrays, texts
 from ..poses import Poses
 from ..search import Track
 from ._disk import remove_unfinished
 
 _ROW = np.dtype([
-    ("joints", "<f4", (15, 3)), ("tips", "<f4", (5, 3)), ("confidence", "<f4", (15,)), ("side_confidence", "<f4"),
-    ("status", "<i8"), ("frame_index", "<i8"),
+    ("joints", "<f4", (15, 3)), ("tips", "<f4", (5, 3)), ("rotations", "<f4", (17, 3, 3)), ("confidence", "<f4", (15,)),
+    ("side_confidence", "<f4"), ("status", "<i8"), ("frame_index", "<i8"),
 ])  # fmt: skip
 ROW_BYTES = _ROW.itemsize
 _ROWS, _STATE = "rows.bin", "state.npz"
@@ -74,10 +74,10 @@ class Journal:
         with written_whole(self._state) as file:
             np.savez(file, **state)
 
-    def poses(self, fps: float, up: str) -> Poses:
-        """All poses so far."""
+    def poses(self, fps: float, up: str, skeleton: Skeleton) -> Poses:
+        """All poses so far, of this template (m)."""
         rows = np.fromfile(self._rows, _ROW)
-        return Poses(**{name: rows[name] for name in _ROW.names or ()}, fps=fps, up=up)
+        return Poses(**{name: rows[name] for name in _ROW.names or ()}, fps=fps, up=up, skeleton=skeleton)
 
     def _resume(self) -> None:
         leaves = tuple(f"track{i}" for i in range(_TRACK.num_leaves))

@@ -52,6 +52,8 @@ def export(
     animations = [output for output in outputs if output.suffix.lower() == ".bvh"]
     if animations and not found.has_pose.any():
         raise ValueError(f"{animations[0]}: no frame has a pose: there is nothing to animate")
+    if animations and found.rotations is None:
+        raise ValueError(f"{poses}: holds no rotations, because an older version wrote it; reconstruct again")
     for output in outputs:
         say(f"{output}: {len(found)} frames at {found.fps:g} fps, {_write(output, found, up, millimetres)}")
     end_without_pose(poses, found)

@@ -38,6 +38,7 @@ def reconstruct_batch(
     """
     count = len(silhouettes)
     joints, tips = np.full((count, 15, 3), np.nan, np.float32), np.full((count, 5, 3), np.nan, np.float32)
+    rotations = np.full((count, 17, 3, 3), np.nan, np.float32)
     confidence, sides = np.zeros((count, 15), np.float32), np.full(count, 0.5, np.float32)
     objective = settings.refinement.objective_for(prepared.body)
     seen, start, track = start_of(silhouettes, recording.fps, prepared, settings, objective, track, stopwatch)
@@ -53,8 +54,12 @@ def reconstruct_batch(
         status[done[(status[done] == Status.OK) & seen.empty_views[done].any(1)]] = Status.VIEW_LOST
         back = prepared.to_z_up.T.astype(np.float32)
         joints[done], tips[done] = refined.joints[fitted] @ back.T, refined.tips[fitted] @ back.T
+        rotations[done] = back @ refined.pose.rotations[fitted]
         confidence[done], sides[done] = start.confidence(refined)[fitted], start.sides[fitted]
-    poses = Poses(joints, tips, confidence, sides, status, recording.fps, recording.up, np.arange(count))
+    poses = Poses(
+        joints, tips, rotations, prepared.skeleton, confidence, sides, status, recording.fps, recording.up,
+        np.arange(count),
+    )  # fmt: skip
     return poses, track
 
 

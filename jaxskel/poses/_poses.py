@@ -7,6 +7,8 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ..body import SEGMENT_PARENTS, Pose, Skeleton
+
 
 class Status(IntEnum):
     """What became of a frame. A frame has a pose in the first three cases only."""
@@ -43,6 +45,11 @@ class Poses(eqx.Module):
     """Joints (m); NaN in a frame without a pose."""
     tips: Float[np.ndarray, "frames tips=5 3"]
     """Limb tips (m); NaN in a frame without a pose."""
+    rotations: Float[np.ndarray, "frames segments=17 3 3"] | None
+    """Rotation of each segment from the body frame at rest to the world; NaN in a frame without a pose. None where an
+    older version wrote the poses."""
+    skeleton: Skeleton | None
+    """The template (m), given or found by the run, to whose rest pose the rotations refer. None where they are."""
     confidence: Float[np.ndarray, "frames joints=15"]
     """0..1 for each joint; 0 in a frame without a pose."""
     side_confidence: Float[np.ndarray, " frames"]
@@ -62,6 +69,31 @@ class Poses(eqx.Module):
         return np.isin(self.status, WITH_POSE)
 
     @property
+    def pose(self) -> Pose:
+        """Pelvis joint (m) and rotations, for `skeleton`; bones of the joints may be longer or shorter than its own.
+
+        Raises:
+            ValueError: The rotations are not known.
+        """
+        return Pose(self.joints[:, 0], self._known_rotations())
+
+    @property
+    def local_rotations(self) -> Float[np.ndarray, "frames segments=17 3 3"]:
+        """Rotation of each segment relative to its parent in `SEGMENT_PARENTS`, from rest; the pelvis to the world.
+
+        Raises:
+            ValueError: The rotations are not known.
+        """
+        rotations = self._known_rotations()
+        parents = rotations[:, list(SEGMENT_PARENTS[1:])].swapaxes(-1, -2)
+        return np.concatenate([rotations[:, :1], parents @ rotations[:, 1:]], axis=1)
+
+    def _known_rotations(self) -> Float[np.ndarray, "frames segments=17 3 3"]:
+        if self.rotations is None:
+            raise ValueError("the poses hold no rotations, because an older version wrote them; reconstruct again")
+        return self.rotations
+
+    @property
     def typical_confidence(self) -> float:
         """Median over the frames with a pose of their joints' mean confidence; NaN where no frame has one."""
         return float(np.median(self.confidence[self.has_pose].mean(1))) if self.has_pose.any() else float("nan")
@@ -72,7 +104,7 @@ class Poses(eqx.Module):
 
 
 def join_poses(parts: Iterable[Poses]) -> Poses:
-    """Put consecutive parts of one recording together."""
+    """Put consecutive parts of one recording together; the skeleton is that of the first one."""
     parts = list(parts)
     if not parts:
         raise ValueError("join_poses: no parts given")
@@ -80,8 +112,10 @@ def join_poses(parts: Iterable[Poses]) -> Poses:
     def joined(field: str) -> np.ndarray:
         return np.concatenate([getattr(part, field) for part in parts])
 
+    whole = all(part.rotations is not None for part in parts)
     return Poses(
-        joints=joined("joints"), tips=joined("tips"), confidence=joined("confidence"),
+        joints=joined("joints"), tips=joined("tips"), rotations=joined("rotations") if whole else None,
+        skeleton=parts[0].skeleton if whole else None, confidence=joined("confidence"),
         side_confidence=joined("side_confidence"), status=joined("status"), fps=parts[0].fps, up=parts[0].up,
         frame_index=joined("frame_index"),
     )  # fmt: skip

@@ -7,17 +7,19 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float
 
+from .._math.vectors import unit
 from ..body import JOINT_PARENTS, TIP_PARENTS
 from ._poses import Poses
+from ._smooth_rotations import filtered_poses
 
 _ORDER = 2  # run forwards and backwards: no delay, and the effect of order four
 _SHORTEST = 15  # frames: the filter is started up on as many
 
 
 def smooth(poses: Poses, cutoff: float) -> Poses:
-    """Smooth joints and tips by a Butterworth filter without delay.
+    """Smooth joints, tips and rotations by a Butterworth filter without delay.
 
-    Directions and lengths of the bones are smoothed apart, so that a bone whose length is constant keeps it. Frames
+    Rotations and lengths of the bones are smoothed apart, so that a bone whose length is constant keeps it. Frames
     without a pose are left alone and nothing is smoothed across them; nor are runs that are too short to filter.
 
     Args:
@@ -33,32 +35,36 @@ def smooth(poses: Poses, cutoff: float) -> Poses:
 
     sections = np.asarray(signal.butter(_ORDER, cutoff, fs=poses.fps, output="sos"))
     low = partial(signal.sosfiltfilt, sections, axis=0)
-    joints, tips = poses.joints.astype(np.float64), poses.tips.astype(np.float64)
+    points = np.concatenate([poses.joints, poses.tips], 1).astype(np.float64)
+    rotations = None if poses.rotations is None else poses.rotations.astype(np.float64)
     for start, stop in _runs(poses.has_pose):
         if stop - start > _SHORTEST:
             part = slice(start, stop)
-            joints[part], tips[part] = _filtered(joints[part], tips[part], low)
-    new = joints.astype(np.float32), tips.astype(np.float32)
-    return eqx.tree_at(lambda p: (p.joints, p.tips), poses, new)
+            if rotations is None or poses.skeleton is None:
+                points[part] = _filtered_bones(points[part], low)
+            else:
+                points[part], rotations[part] = filtered_poses(points[part], rotations[part], poses.skeleton, low)
+    count = len(JOINT_PARENTS)
+    joints, tips = points[:, :count].astype(np.float32), points[:, count:].astype(np.float32)
+    turns = None if rotations is None else rotations.astype(np.float32)
+    return eqx.tree_at(
+        lambda p: (p.joints, p.tips, p.rotations), poses, (joints, tips, turns), is_leaf=lambda leaf: leaf is None
+    )
 
 
-def _filtered(
-    joints: Float[np.ndarray, "frames joints=15 3"],
-    tips: Float[np.ndarray, "frames tips=5 3"],
-    low: Callable[[np.ndarray], np.ndarray],
-) -> tuple[Float[np.ndarray, "frames joints=15 3"], Float[np.ndarray, "frames tips=5 3"]]:
-    def bone(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-        length = np.linalg.norm(end - start, axis=-1, keepdims=True)
-        way = low((end - start) / np.maximum(length, 1e-9))
-        return low(length) * way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-9)
-
-    new = np.empty_like(joints)
-    for joint, parent in enumerate(JOINT_PARENTS):
-        new[:, joint] = (
-            low(joints[:, joint]) if parent < 0 else new[:, parent] + bone(joints[:, parent], joints[:, joint])
-        )
-    ends = [new[:, joint] + bone(joints[:, joint], tips[:, tip]) for tip, joint in enumerate(TIP_PARENTS)]
-    return new, np.stack(ends, 1)
+def _filtered_bones(
+    points: Float[np.ndarray, "frames points=20 3"], low: Callable[[np.ndarray], np.ndarray]
+) -> Float[np.ndarray, "frames points=20 3"]:
+    """Filter directions and lengths of the bones, where rotations are not known."""
+    new = np.empty_like(points)
+    for point, parent in enumerate(JOINT_PARENTS + TIP_PARENTS):
+        if parent < 0:
+            new[:, point] = low(points[:, point])
+            continue
+        bone = points[:, point] - points[:, parent]
+        length = np.linalg.norm(bone, axis=-1, keepdims=True)
+        new[:, point] = new[:, parent] + low(length) * unit(low(unit(bone)))
+    return new
 
 
 def _runs(there: Bool[np.ndarray, " frames"]) -> list[tuple[int, int]]:

@@ -2,6 +2,7 @@
 
 import csv
 import sys
+from dataclasses import replace
 from unittest.mock import patch
 
 import numpy as np
@@ -19,6 +20,7 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("export")
     write_poses(folder, moving(10, 29.97, without=(0, 4)))
     write_poses(folder / "nobody", moving(2, without=(0, 1)))
+    write_poses(folder / "older", replace(moving(2), rotations=None, skeleton=None))
     return folder
 
 
@@ -60,6 +62,10 @@ def test_unit_and_up_axis_are_chosen(folder):
         (("poses.npz", "d.bvh", "--millimetres"), "--millimetres: only a .trc"),
         (("poses.csv", "d.trc"), "poses.csv: is not a whole .npz archive"),
         (("nobody/poses.npz", "d.bvh"), "d.bvh: no frame has a pose"),
+        (
+            ("older/poses.npz", "d.trc", "d.bvh"),
+            "older/poses.npz: holds no rotations, because an older version wrote it",
+        ),
     ],
 )
 def test_what_cannot_be_done_is_refused_before_anything_is_written(folder, arguments, why):

@@ -109,8 +109,8 @@ def test_nothing_is_left_behind_and_no_frames_are_refused(tmp_path):
     with pytest.raises(ValueError, match=r"up axis 'Y': give one of \+X"):
         write_trc(tmp_path / "poses.trc", poses, up="Y")
     empty = type(poses)(
-        poses.joints[:0], poses.tips[:0], poses.confidence[:0], poses.side_confidence[:0], poses.status[:0], 5.0, "+Z",
-        poses.frame_index[:0],
+        poses.joints[:0], poses.tips[:0], None, None, poses.confidence[:0], poses.side_confidence[:0],
+        poses.status[:0], 5.0, "+Z", poses.frame_index[:0],
     )  # fmt: skip
     with pytest.raises(ValueError, match="no frame"):
         write_trc(tmp_path / "poses.trc", empty)

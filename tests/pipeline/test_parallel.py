@@ -63,7 +63,7 @@ def test_batches_come_in_order_and_tracks_are_handed_on(monkeypatch):
         count = len(silhouettes)
         empty = np.full((count, 15, 3), np.nan, np.float32), np.full((count, 5, 3), np.nan, np.float32)
         trust = np.zeros((count, 15), np.float32), np.full(count, 0.5, np.float32)
-        return Poses(*empty, *trust, np.full(count, start), 30.0, "+Z", np.arange(count)), at(start)
+        return Poses(*empty, None, None, *trust, np.full(count, start), 30.0, "+Z", np.arange(count)), at(start)
 
     monkeypatch.setattr(parallel, "_batch", batch)
     stretches = [[0, 32], [64, 96], [128], [160, 192]]

@@ -23,7 +23,7 @@ from jaxskel import (
     reconstruct,
     reconstruct_batches,
 )
-from jaxskel.body import JOINT_OF_PIVOT, MIRROR_JOINTS, TIP_PARENTS
+from jaxskel.body import JOINT_OF_PIVOT, MIRROR_JOINTS, TIP_PARENTS, place_joints
 from jaxskel.matching import DtwMatcher, ExactMatcher
 from jaxskel.poses import score
 from jaxskel.synthetic import make_scene
@@ -146,6 +146,15 @@ def test_by_default_rigid_parts_have_exactly_the_lengths_of_the_template(scene, 
     assert np.abs(across - skeleton.bone_lengths[bent]).max() < 0.03
 
 
+def test_rotations_lead_from_the_template_to_the_joints(scene, poses, of_graph):
+    for found in (poses, of_graph):
+        np.testing.assert_array_equal(found.skeleton.rest_joints, scene.skeleton.rest_joints)
+        joints, tips = place_joints(found.skeleton, found.pose)
+        np.testing.assert_allclose(found.joints, joints, atol=5e-6)
+        np.testing.assert_allclose(found.tips, tips, atol=5e-6)
+        np.testing.assert_allclose(np.linalg.det(found.rotations), 1.0, atol=1e-5)
+
+
 # Laws of space
 
 
@@ -171,6 +180,7 @@ def test_moved_world_gives_the_moved_pose(scene, poses):
     other = reconstruct(moved(scene, rotation.as_matrix(), shift, "-Z"), with_known_body(scene))
     assert other.up == "-Z"
     d = distances_mm(other.joints, poses.joints @ rotation.as_matrix().T + shift)
+    np.testing.assert_allclose(place_joints(other.skeleton, other.pose)[0], other.joints, atol=5e-6)
     assert np.median(d) < 1
     assert d.max() < 10
 

@@ -3,11 +3,12 @@
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from jaxskel import Recording
+from jaxskel import Recording, default_adult
 from jaxskel.batch import Source
 from jaxskel.batch import _one as one
 from jaxskel.io.recordings import write_recording
@@ -37,7 +38,8 @@ def fake(patch: pytest.MonkeyPatch) -> list[int]:
             poses = some_poses(start, count)
             yield replace(poses, status=poses.status * 0, tips=np.ones_like(poses.tips)), track
 
-    patch.setattr(one, "prepare", lambda recording, settings: None)
+    prepared = SimpleNamespace(skeleton=default_adult(1.6))
+    patch.setattr(one, "prepare", lambda recording, settings: prepared)
     patch.setattr(one, "batches_from", batches_from)
     return batches
 

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from jaxskel.body import default_adult
+from jaxskel.body import Pose, default_adult, place_joints
 from jaxskel.cameras import make_cameras
 from jaxskel.io.recordings import write_recording
 from jaxskel.poses import Poses, Status
@@ -42,10 +43,14 @@ def a_recording() -> Recording:
 def some_poses() -> Poses:
     """Three frames, the middle one without a pose."""
     rng = np.random.default_rng(1)
-    gap = np.array([1.0, np.nan, 1.0])[:, None, None]
+    gap = np.array([1.0, np.nan, 1.0], np.float32)[:, None, None]
+    adult, rotations = default_adult(1.6), Rotation.random(3 * 17, 1).as_matrix().reshape(3, 17, 3, 3)
+    joints, tips = place_joints(adult, Pose(rng.normal(size=(3, 3)), rotations))
     return Poses(
-        joints=(rng.normal(size=(3, 15, 3)) * gap).astype(np.float32),
-        tips=(rng.normal(size=(3, 5, 3)) * gap).astype(np.float32),
+        joints=np.asarray(joints) * gap,
+        tips=np.asarray(tips) * gap,
+        rotations=rotations.astype(np.float32) * gap[..., None],
+        skeleton=adult,
         confidence=(rng.random((3, 15)) * [[1], [0], [1]]).astype(np.float32),
         side_confidence=np.array([1.0, 0.0, 0.5], np.float32),
         status=np.array([Status.OK, Status.NO_HULL, Status.VIEW_LOST]),

@@ -1,8 +1,9 @@
 """Poses and tracks of random numbers."""
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from jaxskel import Pose, Poses
+from jaxskel import Pose, Poses, default_adult
 from jaxskel.search import Track
 
 
@@ -11,6 +12,8 @@ def some_poses(first: int, count: int) -> Poses:
     return Poses(
         joints=random.normal(size=(count, 15, 3)).astype(np.float32),
         tips=np.full((count, 5, 3), np.nan, np.float32),
+        rotations=Rotation.random(17 * count, first).as_matrix().reshape(count, 17, 3, 3).astype(np.float32),
+        skeleton=default_adult(1.6),
         confidence=random.random((count, 15)).astype(np.float32),
         side_confidence=random.random(count).astype(np.float32),
         status=random.integers(0, 9, count), fps=30.0, up="+Y", frame_index=np.arange(first, first + count),

@@ -38,9 +38,9 @@ def poses_of(recording: Recording) -> Poses:
     joints[LOST], tips[LOST], confidence[LOST], status[LOST] = np.nan, np.nan, 0, Status.SEVERAL_PEOPLE
     status[LOST + 2] = Status.NOT_CONVERGED
     return Poses(
-        joints=joints.astype(np.float32), tips=tips.astype(np.float32), confidence=confidence.astype(np.float32),
-        side_confidence=noise.uniform(0.5, 1, n).astype(np.float32), status=status, fps=recording.fps,
-        up=recording.up, frame_index=recording.frame_index,
+        joints=joints.astype(np.float32), tips=tips.astype(np.float32), rotations=None, skeleton=None,
+        confidence=confidence.astype(np.float32), side_confidence=noise.uniform(0.5, 1, n).astype(np.float32),
+        status=status, fps=recording.fps, up=recording.up, frame_index=recording.frame_index,
     )  # fmt: skip
 
 

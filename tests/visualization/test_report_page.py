@@ -258,6 +258,7 @@ def test_a_real_recording_of_eight_large_views_plays_from_a_small_page(driver, t
     n = len(real)
     poses = Poses(
         joints=np.tile(joints.astype(np.float32), (n, 1, 1)), tips=np.tile(tips.astype(np.float32), (n, 1, 1)),
+        rotations=np.tile(turn.T.astype(np.float32), (n, 17, 1, 1)), skeleton=body,
         confidence=np.ones((n, 15), np.float32), side_confidence=np.ones(n, np.float32), status=np.zeros(n, int),
         fps=real.fps, up=real.up, frame_index=real.frame_index,
     )  # fmt: skip

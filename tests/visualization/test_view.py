@@ -147,8 +147,8 @@ def enlarged(recording: Recording, factor: int) -> np.ndarray:
 
 def first(poses: Poses) -> Poses:
     return Poses(
-        poses.joints[:1], poses.tips[:1], poses.confidence[:1], poses.side_confidence[:1], poses.status[:1], poses.fps,
-        poses.up, poses.frame_index[:1],
+        poses.joints[:1], poses.tips[:1], None, None, poses.confidence[:1], poses.side_confidence[:1],
+        poses.status[:1], poses.fps, poses.up, poses.frame_index[:1],
     )  # fmt: skip
 
 
@@ -210,7 +210,7 @@ def replace_seen():
 def test_frames_of_the_recording_are_shown_in_order_whatever_the_order_of_the_poses(view, recording, poses, tmp_path):
     back = np.arange(FRAMES)[::-1]
     turned = Poses(
-        poses.joints[back], poses.tips[back], poses.confidence[back], poses.side_confidence[back],
+        poses.joints[back], poses.tips[back], None, None, poses.confidence[back], poses.side_confidence[back],
         poses.status[back], poses.fps, poses.up, poses.frame_index[back],
     )  # fmt: skip
     assert view.save_view(tmp_path / "a.rrd", recording, turned, frames=slice(0, 2)) == 2

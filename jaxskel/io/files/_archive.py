@@ -18,7 +18,7 @@ import numpy as np
 from ._bounded import open_regular
 from ._errors import fault as fault
 
-# Largest total size of the arrays: joints and tips of ten hours at 30 frames per second fit.
+# Largest total size of the arrays: at 30 frames per second, joints and tips of ten hours fit, poses of two and a half.
 _MAX_BYTES = 2**28
 # Largest size of an array's header (bytes); NumPy writes some 100 bytes and refuses more than 10 000.
 _HEADER = 20_000

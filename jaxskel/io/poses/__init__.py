@@ -1,6 +1,6 @@
 """Poses on disk, for this package and for other tools.
 
-In: joint positions over time (m). Out: npz, CSV, TRC, C3D and BVH files. Readers exist for npz, TRC and ground truth.
+In: `Poses`. Out: npz, CSV, TRC, C3D and BVH files. Readers exist for npz, TRC and ground truth.
 """
 
 from ._bvh import BVH_NAMES as BVH_NAMES

@@ -7,15 +7,14 @@ import numpy as np
 from jaxtyping import Float
 
 from ..._runtime.atomic_files import written_whole
-from ...body import JOINT_NAMES, TIP_NAMES
+from ...body import JOINT_NAMES, TIP_NAMES, Pose
 from ...poses import Poses
 from ._euler import to_zxy
-from ._inverse_kinematics import fit_rig
 from ._markers import turn_up, with_up
-from ._rig import ENDS, RIG, Rig, placed
+from ._rig import ENDS, RIG, Rig, placed, rig_of
 
 # If several joints share a point, take the first: no joint before it rotates by itself.
-BVH_NAMES = {point: name for name, _, point in reversed(RIG) if point in JOINT_NAMES}
+BVH_NAMES = {point: name for name, _, point, _ in reversed(RIG) if point in JOINT_NAMES}
 """Name in a BVH of each joint of poses. The tips are the end sites."""
 
 
@@ -27,7 +26,8 @@ class Animation:
     held: int
     """Number of frames without a pose, in which the animation repeats another pose."""
     deviation: float
-    """Largest distance between a joint or tip and its place in the poses (m), caused by bone lengths that vary."""
+    """Largest distance between a joint or tip and its place in the poses (m), nonzero where bones are longer or shorter
+    than the template's."""
     farthest: str
     """Joint or tip with the largest distance."""
 
@@ -35,10 +35,10 @@ class Animation:
 def write_bvh(path: str | Path, poses: Poses, *, up: str = "+Y", scale: float = 0.01) -> Animation:
     """Write an animation for Blender and other animation programs.
 
-    Bones keep their lengths, the joints rotate: elbows and knees as the limb bends, and as before while it is straight.
-    The bones of poses from elbow to palm and from knee to ball of the foot are split in two here, with wrist and ankle
-    in between, at the proportions of an average body. At rest the person stands in a T-pose and faces +Z if +Y is up.
-    Joints have the usual names of animation programs: see `BVH_NAMES`.
+    Bones have the lengths of the template, `poses.skeleton`, and the joints the rotations of the poses. The bones of
+    poses from elbow to palm and from knee to ball of the foot are two here, with wrist and ankle in between. At rest
+    the person stands in a T-pose and faces +Z if +Y is up. Joints have the usual names of animation programs: see
+    `BVH_NAMES`.
 
     The format has no gaps. A frame without a pose repeats the previous pose; frames before the first pose show that
     one.
@@ -53,7 +53,8 @@ def write_bvh(path: str | Path, poses: Poses, *, up: str = "+Y", scale: float = 
         How well the animation agrees with the poses, and the number of frames that repeat another pose.
 
     Raises:
-        ValueError: There is no pose, `up` is not one of `jaxskel.recording.UP_AXES`, or `scale` is not a length.
+        ValueError: There is no pose, the rotations are not known, `up` is not one of `jaxskel.recording.UP_AXES`, or
+            `scale` is not a length.
     """
     path = Path(path)
     if not 0.0 < scale < 1e6:
@@ -61,9 +62,11 @@ def write_bvh(path: str | Path, poses: Poses, *, up: str = "+Y", scale: float = 
     known = poses.has_pose
     if not known.any():
         raise ValueError(f"{path}: no frame has a pose: there is nothing to animate")
+    if poses.rotations is None or poses.skeleton is None:
+        raise ValueError(f"{path}: the poses hold no rotations, because an older version wrote them; reconstruct again")
     turn, standing = turn_up("+Z", up), with_up(poses, "+Z")
     joints, tips = (points[known].astype(np.float64) for points in (standing.joints, standing.tips))
-    rig = fit_rig(joints, tips)
+    rig = rig_of(poses.skeleton, Pose(joints[:, 0], standing.pose.rotations[known]))
     # Number of poses up to each frame; frames before the first pose show the first one.
     shown = np.maximum(np.cumsum(known) - 1, 0)
     rows = _channels(rig, turn, scale)[shown]
@@ -83,7 +86,7 @@ def _hierarchy(rig: Rig, turn: Float[np.ndarray, "3 3"], scale: float) -> list[s
             open_braces.pop()
             lines.append("\t" * len(open_braces) + "}")
 
-    for (name, parent, _), offset in zip(RIG, rig.offsets @ turn.T / scale, strict=True):
+    for (name, parent, *_), offset in zip(RIG, rig.offsets @ turn.T / scale, strict=True):
         close(depth[parent])
         indent = "\t" * depth[parent]
         kind = "End Site" if name in ENDS else f"JOINT {name}" if parent else f"ROOT {name}"
@@ -100,7 +103,7 @@ def _hierarchy(rig: Rig, turn: Float[np.ndarray, "3 3"], scale: float) -> list[s
 
 def _channels(rig: Rig, turn: Float[np.ndarray, "3 3"], scale: float) -> Float[np.ndarray, "frames channels"]:
     """Position of the root (units of the file), and the angles of each joint relative to its parent (degrees)."""
-    names = [name for name, _, _ in RIG]
+    names = [name for name, *_ in RIG]
     turning = [i for i, name in enumerate(names) if name not in ENDS]
     parents = [names.index(RIG[i][1]) for i in turning[1:]]
     whole = turn @ rig.rotations @ turn.T
@@ -116,8 +119,8 @@ def _deviation(rig: Rig, joints: np.ndarray, tips: np.ndarray) -> tuple[float, s
     points = placed(rig)
     distances = {
         point: float(np.linalg.norm(points[:, j] - goals[:, names.index(point)], axis=-1).max())
-        for j, (_, _, point) in enumerate(RIG)
-        if point
+        for j, (_, _, point, _) in enumerate(RIG)
+        if point in names
     }
     farthest = max(distances, key=lambda point: distances[point])
     return distances[farthest], farthest

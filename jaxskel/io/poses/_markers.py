@@ -46,8 +46,12 @@ def with_up(poses: Poses, up: str) -> Poses:
     Raises:
         ValueError: `up` is not one of `jaxskel.recording.UP_AXES`.
     """
-    turn = turn_up(poses.up, up).T.astype(np.float32)
-    return eqx.tree_at(lambda p: (p.joints, p.tips, p.up), poses, (poses.joints @ turn, poses.tips @ turn, up))
+    turn = turn_up(poses.up, up).astype(np.float32)
+    rotations = None if poses.rotations is None else turn @ poses.rotations
+    return eqx.tree_at(
+        lambda p: (p.joints, p.tips, p.rotations, p.up), poses,
+        (poses.joints @ turn.T, poses.tips @ turn.T, rotations, up), is_leaf=lambda leaf: leaf is None,
+    )  # fmt: skip
 
 
 def turn_up(before: str, after: str) -> Float[np.ndarray, "3 3"]:

@@ -6,14 +6,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from ..._runtime.atomic_files import written_whole
-from ...body import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES
+from ...body import JOINT_NAMES, JOINT_PARENTS, SEGMENT_NAMES, TIP_NAMES, Skeleton, make_skeleton
 from ...poses import STATUS_NAMES, WITH_POSE, Poses
 from ...recording import Truth
 from ..calibrations import up_axis
 from ..files import fault, numbers, read_arrays
 from ..recordings import check_names, frame_numbers, frame_rate, truth
+
+# What an older version did not write.
+_ROTATIONS = ("rotations", "rest_joints", "rest_tips")
+# A matrix whose product with its transpose is off the identity by more is no rotation that was rounded.
+_NO_ROTATION = 1e-3
 
 
 def write_poses(folder: str | Path, poses: Poses) -> tuple[Path, Path]:
@@ -34,6 +40,11 @@ def write_poses(folder: str | Path, poses: Poses) -> tuple[Path, Path]:
         "joint_names": JOINT_NAMES, "joint_parents": JOINT_PARENTS, "tip_names": TIP_NAMES,
         "fps": poses.fps, "up": poses.up, "frame_index": poses.frame_index,
     }  # fmt: skip
+    if poses.rotations is not None and poses.skeleton is not None:
+        arrays |= {
+            "rotations": np.asarray(poses.rotations, np.float32), "segment_names": SEGMENT_NAMES,
+            "rest_joints": np.asarray(poses.skeleton.rest_joints), "rest_tips": np.asarray(poses.skeleton.rest_tips),
+        }  # fmt: skip
     with written_whole(archive) as file:
         np.savez_compressed(file, **arrays)
     return archive, write_table(table, poses)
@@ -60,7 +71,7 @@ def write_table(path: str | Path, poses: Poses) -> Path:
 
 
 def read_poses(path: str | Path) -> Poses:
-    """Read a `poses.npz` that [`write_poses`][] wrote.
+    """Read a `poses.npz` that [`write_poses`][] wrote. If an older version did, rotations and skeleton are None.
 
     Raises:
         ValueError: One line that names the file, the key and how to mend it.
@@ -69,12 +80,13 @@ def read_poses(path: str | Path) -> Poses:
     arrays = read_arrays(
         path,
         required=("joints", "tips", "confidence", "side_confidence", "status", "fps", "up", "frame_index"),
-        optional=("joint_names", "tip_names", "status_names"),
+        optional=("joint_names", "tip_names", "status_names", "segment_names", *_ROTATIONS),
     )
     for key, names in (
         ("joint_names", JOINT_NAMES),
         ("tip_names", TIP_NAMES),
         ("status_names", STATUS_NAMES),
+        ("segment_names", SEGMENT_NAMES),
     ):
         check_names(path, arrays, key, names)
     joints = numbers(path, arrays, "joints", (None, 15, 3), nan=True)
@@ -87,20 +99,14 @@ def read_poses(path: str | Path) -> Poses:
     ):
         raise fault(path, "status", f"give {n} whole numbers, each the index of one of {', '.join(STATUS_NAMES)}")
     tips = numbers(path, arrays, "tips", (n, 5, 3), nan=True)
-    has_pose = np.isin(status, WITH_POSE)
     for key, points in (("joints", joints), ("tips", tips)):
-        wrong = np.where(has_pose, np.isnan(points).any(axis=(1, 2)), ~np.isnan(points).all(axis=(1, 2)))
-        if wrong.any():
-            frame = int(np.argmax(wrong))
-            raise fault(
-                path,
-                key,
-                f"status of frame {frame} is {STATUS_NAMES[status[frame]]}, but its points are "
-                f"{'not all numbers' if has_pose[frame] else 'not all NaN'}; write the file again",
-            )
+        _check_gaps(path, key, points, status, "points")
+    rotations, skeleton = _rotations(path, arrays, status)
     return Poses(
         joints=joints.astype(np.float32),
         tips=tips.astype(np.float32),
+        rotations=rotations,
+        skeleton=skeleton,
         confidence=_shares(path, arrays, "confidence", (n, 15)),
         side_confidence=_shares(path, arrays, "side_confidence", (n,)),
         status=status.astype(np.int64),
@@ -126,6 +132,46 @@ def read_truth(path: str | Path) -> tuple[Truth, str, np.ndarray]:
     found = truth(path, arrays, None)
     assert found is not None  # `joints` is required above
     return found, up_axis(path, arrays), frame_numbers(path, arrays, len(found.joints))
+
+
+def _rotations(
+    path: Path, arrays: dict[str, np.ndarray], status: np.ndarray
+) -> tuple[Float[np.ndarray, "frames segments=17 3 3"] | None, Skeleton | None]:
+    """Rotations of the segments and their template (m), where the file has them."""
+    missing = [key for key in _ROTATIONS if key not in arrays]
+    if len(missing) == len(_ROTATIONS):
+        return None, None
+    if missing:
+        raise fault(path, missing[0], f"is missing; give all of {', '.join(_ROTATIONS)}, or none")
+    rotations = numbers(path, arrays, "rotations", (len(status), len(SEGMENT_NAMES), 3, 3), nan=True)
+    _check_gaps(path, "rotations", rotations, status, "rotations")
+    known = np.isin(status, WITH_POSE)
+    found = rotations[known]
+    off = np.abs(found @ found.swapaxes(-1, -2) - np.eye(3)).max((-2, -1)) > _NO_ROTATION
+    wrong = off | (np.linalg.det(found) < 0)
+    if wrong.any():
+        row, segment = (int(i) for i in np.argwhere(wrong)[0])
+        frame = int(np.flatnonzero(known)[row])
+        raise fault(path, "rotations", f"frame {frame}, {SEGMENT_NAMES[segment]}: no rotation; write the file again")
+    joints, tips = numbers(path, arrays, "rest_joints", (15, 3)), numbers(path, arrays, "rest_tips", (5, 3))
+    try:
+        return rotations.astype(np.float32), make_skeleton(joints, tips)
+    except ValueError as error:
+        raise fault(path, "rest_joints", str(error)) from None
+
+
+def _check_gaps(path: Path, key: str, values: np.ndarray, status: np.ndarray, what: str) -> None:
+    """Refuse values that are missing in a frame with a pose, or there in a frame without one."""
+    has_pose, missing = np.isin(status, WITH_POSE), np.isnan(values).reshape(len(values), -1)
+    wrong = np.where(has_pose, missing.any(1), ~missing.all(1))
+    if wrong.any():
+        frame = int(np.argmax(wrong))
+        raise fault(
+            path,
+            key,
+            f"status of frame {frame} is {STATUS_NAMES[status[frame]]}, but its {what} are "
+            f"{'not all numbers' if has_pose[frame] else 'not all NaN'}; write the file again",
+        )
 
 
 def _shares(path: Path, arrays: dict[str, np.ndarray], key: str, shape: tuple[int, ...]) -> np.ndarray:
