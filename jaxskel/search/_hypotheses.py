@@ -55,17 +55,22 @@ class Pool(eqx.Module):
         rank = np.arange(len(frame)) - np.searchsorted(frame, frame)
         return take(self, order[rank < count])
 
+    def distinct(self, count: int) -> "Pool":
+        """At most `count` hypotheses of each frame, of which no two are alike, sorted by frame and then by cost."""
+        return take(self, select_distinct(self, np.inf, count)).cheapest(count)
+
     def of(self, frames: Int[np.ndarray, " some"]) -> "Pool":
         """The hypotheses of some frames."""
         return take(self, np.isin(self.frame, frames))
 
     def rows(self, frames: Int[np.ndarray, " some"], count: int) -> Hypotheses:
-        """The `count` cheapest of each of some frames; where there are fewer, the costliest of them is repeated."""
+        """The `count` cheapest of each of some frames; where there are fewer, the last is repeated at infinite cost."""
         best = self.of(frames).cheapest(count)
         start = np.searchsorted(best.frame, frames)
         there = np.searchsorted(best.frame, frames, "right") - start
-        chosen = start[:, None] + np.minimum(np.arange(count)[None], there[:, None] - 1)
-        return Hypotheses(take(best.poses, chosen), best.cost[chosen])
+        rank = np.arange(count)[None]
+        chosen = start[:, None] + np.minimum(rank, there[:, None] - 1)
+        return Hypotheses(take(best.poses, chosen), np.where(rank < there[:, None], best.cost[chosen], np.inf))
 
 
 def pool_of(poses: Pose, frames: Int[np.ndarray, " some"]) -> Pool:

@@ -132,14 +132,14 @@ def solve_frames(
         frames: Indices of the frames to search in; by default all.
 
     Returns:
-        Poses (m, in the world) with axes ``some hypotheses``, the cheapest first.
+        Poses (m, in the world) with axes ``some hypotheses``, the cheapest first; no two of a frame are alike.
     """
     frames = np.arange(len(fallback.root)) if frames is None else frames
     stack = on_device(observed)
     most = search.trunks * search.pairs
 
     def searched(starts: Pose, frames: Int[np.ndarray, " some"]) -> Pool:
-        return _searched(model, search, pool_of(starts, frames), stack).cheapest(most)
+        return _searched(model, search, pool_of(starts, frames), stack).distinct(most)
 
     def around(frames: Int[np.ndarray, " some"]) -> Pose:
         best = found.rows(frames, 1).best
@@ -151,7 +151,7 @@ def solve_frames(
         best = found.cheapest(1)
         doubtful = best.frame[best.cost > search.doubtful]
         if len(doubtful):
-            found = found.joined(searched(more(doubtful), doubtful)).cheapest(most)
+            found = found.joined(searched(more(doubtful), doubtful)).distinct(most)
     return found.rows(frames, most)
 
 
@@ -163,7 +163,7 @@ def _searched(model: Model, search: Search, starts: Pool, stack: Observed) -> Po
         best = found.of(frames).cheapest(1)
         proposed = _proposed(best, propose)
         other = _fitted(model, search, proposed, stack, (search.singles + 1) // 2, best)
-        return found.joined(other).cheapest(search.trunks * search.pairs)
+        return found.joined(other).distinct(search.trunks * search.pairs)
 
     def single(limb: str, poses: Pose, at: Int[Array, " n"]) -> Pose:
         return _with_single(model, poses, at, stack, limb, search.singles)
@@ -171,7 +171,7 @@ def _searched(model: Model, search: Search, starts: Pool, stack: Observed) -> Po
     def settled(found: Pool) -> Pool:
         """Fit the best pose of each frame further."""
         best = fit_pool(model.body, found.cheapest(1), stack, fit_scales((0.04, search.steps)))
-        return best.joined(found).cheapest(search.trunks * search.pairs)
+        return best.joined(found).distinct(search.trunks * search.pairs)
 
     found = settled(_first_found(model, search, starts, stack))
     frames = every = np.unique(found.frame)
