@@ -18,8 +18,9 @@ from ..search import Track
 from ._disk import remove_unfinished
 
 _ROW = np.dtype([
-    ("joints", "<f4", (15, 3)), ("tips", "<f4", (5, 3)), ("rotations", "<f4", (17, 3, 3)), ("confidence", "<f4", (15,)),
-    ("side_confidence", "<f4"), ("status", "<i8"), ("frame_index", "<i8"),
+    ("joints", "<f4", (15, 3)), ("tips", "<f4", (5, 3)), ("rotations", "<f4", (17, 3, 3)),
+    ("covariance", "<f4", (15, 3, 3)), ("confidence", "<f4", (15,)), ("side_confidence", "<f4"), ("status", "<i8"),
+    ("frame_index", "<i8"),
 ])  # fmt: skip
 ROW_BYTES = _ROW.itemsize
 _ROWS, _STATE = "rows.bin", "state.npz"
@@ -74,10 +75,13 @@ class Journal:
         with written_whole(self._state) as file:
             np.savez(file, **state)
 
-    def poses(self, fps: float, up: str, skeleton: Skeleton) -> Poses:
+    def poses(self, fps: float, up: str, skeleton: Skeleton, stature_deviation: float | None) -> Poses:
         """All poses so far, of this template (m)."""
         rows = np.fromfile(self._rows, _ROW)
-        return Poses(**{name: rows[name] for name in _ROW.names or ()}, fps=fps, up=up, skeleton=skeleton)
+        return Poses(
+            **{name: rows[name] for name in _ROW.names or ()}, fps=fps, up=up, skeleton=skeleton,
+            stature_deviation=stature_deviation,
+        )  # fmt: skip
 
     def _resume(self) -> None:
         leaves = tuple(f"track{i}" for i in range(_TRACK.num_leaves))

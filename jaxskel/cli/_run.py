@@ -10,7 +10,7 @@ import typer
 
 from ..batch import Method
 from ..io.poses import write_poses
-from ..pipeline import HullSettings, Settings, advice, paper_settings
+from ..pipeline import HullSettings, Prepared, Settings, advice, paper_settings
 from ..poses import smooth
 from ..search import Tracking
 from ..verdict import doubts_before_work
@@ -84,7 +84,7 @@ def run(
         poses = smooth(poses, smooth_hz)
     archive, table = write_poses(output, poses)
     if not prepared.skeleton_is_known:
-        say(f"{recording.name}: unknown subject, an average adult of {prepared.skeleton.stature:.2f} m was fitted")
+        say(f"{recording.name}: {found_subject(prepared)}")
     say(f"{archive}, {table}: {summary(poses, times)}")
     warning = doubt(poses, settings)
     if warning:
@@ -93,6 +93,14 @@ def run(
     if problem:
         warn(f"{source}: {problem}")
         raise typer.Exit(1)
+
+
+def found_subject(prepared: Prepared) -> str:
+    """What was found out about a subject whose dimensions were unknown."""
+    stature, deviation = prepared.skeleton.stature, prepared.stature_deviation
+    if deviation is None:
+        return f"unknown subject, taken to be of average proportions and {stature:.2f} m tall"
+    return f"unknown subject, found to be {stature:.2f} +- {deviation:.2f} m tall"
 
 
 def make_settings(

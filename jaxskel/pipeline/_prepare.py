@@ -87,7 +87,10 @@ def _with_subject(prepared: Prepared, recorded: Silhouettes, settings: Settings,
     known = prepared.skeleton_is_known
     prior, sizes = (flesh_prior(skeleton), ()) if known else (adults_prior(skeleton), OTHER_SIZES)
     subject = find_subject(skeleton, prior, sight, settings.search, sizes)
-    return replace(prepared, skeleton=subject.body.skeleton, body=subject.body, costs=subject.costs)
+    deviation = None if known else subject.stature_deviation
+    return replace(
+        prepared, skeleton=subject.body.skeleton, body=subject.body, costs=subject.costs, stature_deviation=deviation
+    )
 
 
 def _template(graphs: list[SkeletalGraph], prepared: Prepared) -> Skeleton:

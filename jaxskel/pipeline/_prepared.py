@@ -31,5 +31,7 @@ class Prepared(eqx.Module):
     """The template with flesh. Not calibrated if the paper's method needs none or too few frames show the subject."""
     costs: Costs | None
     """Typical cost of a pose of this subject; None if the body is not calibrated."""
+    stature_deviation: float | None = None
+    """Standard deviation of the skeleton's stature (m); None where it was given or is a guess."""
     model: Model | None = None
     """The body prepared for the search; None without a search."""

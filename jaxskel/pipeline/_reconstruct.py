@@ -39,7 +39,8 @@ def reconstruct_batch(
     count = len(silhouettes)
     joints, tips = np.full((count, 15, 3), np.nan, np.float32), np.full((count, 5, 3), np.nan, np.float32)
     rotations = np.full((count, 17, 3, 3), np.nan, np.float32)
-    confidence, sides = np.zeros((count, 15), np.float32), np.full(count, 0.5, np.float32)
+    covariance, confidence = np.full((count, 15, 3, 3), np.nan, np.float32), np.zeros((count, 15), np.float32)
+    sides = np.full(count, 0.5, np.float32)
     objective = settings.refinement.objective_for(prepared.body)
     seen, start, track = start_of(silhouettes, recording.fps, prepared, settings, objective, track, stopwatch)
     status, good = seen.status, seen.frames
@@ -55,10 +56,12 @@ def reconstruct_batch(
         back = prepared.to_z_up.T.astype(np.float32)
         joints[done], tips[done] = refined.joints[fitted] @ back.T, refined.tips[fitted] @ back.T
         rotations[done] = back @ refined.pose.rotations[fitted]
-        confidence[done], sides[done] = start.confidence(refined)[fitted], start.sides[fitted]
+        uncertainty = start.uncertainty(refined)
+        covariance[done] = back @ uncertainty.covariance[fitted] @ back.T
+        confidence[done], sides[done] = uncertainty.confidence[fitted], start.sides[fitted]
     poses = Poses(
         joints, tips, rotations, prepared.skeleton, confidence, sides, status, recording.fps, recording.up,
-        np.arange(count),
+        np.arange(count), covariance, prepared.stature_deviation,
     )  # fmt: skip
     return poses, track
 

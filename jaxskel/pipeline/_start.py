@@ -8,6 +8,7 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
+from .._math.gaussians import deviation_for
 from .._runtime.batching import filled, on_device, padded, single_precision, take
 from ..body import Body, Pose, Skeleton, place_joints
 from ..graph import SkeletalGraph, forest_of
@@ -17,19 +18,20 @@ from ..refinement import Refined
 from ..refinement.terms import Objective, Observed
 from ..search import (
     NOT_THE_SUBJECT,
+    SAME_PLACE,
     Hypotheses,
     Proposed,
     Search,
     Track,
+    Uncertainty,
     cost_threshold,
     graphless_poses,
     initial_poses,
     make_model,
-    searched_confidence,
+    searched_uncertainty,
     solve_frames,
     start_poses,
     track_frames,
-    trust_in_explained,
     unexplained_shares,
 )
 from ._evidence import observed_graph
@@ -44,6 +46,10 @@ _LEG_TOLERANCE = 0.3
 _FARTHEST = 1.6
 
 
+# Confidences beyond these say no more about how far a joint may be off.
+_LEAST_TRUST, _MOST_TRUST = 0.05, 0.95
+
+
 class Start(NamedTuple):
     """Start poses of the refinement, and what is known before it."""
 
@@ -52,7 +58,7 @@ class Start(NamedTuple):
     """On the device, padded by `on_device`."""
     plausible: Bool[np.ndarray, " frames"]
     sides: Float[np.ndarray, " frames"]
-    confidence: Callable[[Refined], Float[np.ndarray, "frames joints=15"]]
+    uncertainty: Callable[[Refined], Uncertainty]
 
 
 def start_of(
@@ -88,11 +94,14 @@ def _by_graph(labelled: Labelled) -> Start:
     """Start from the poses of the labelled graphs (Sect. 3.3)."""
     graphs, skeleton, limbs, facing, sides = labelled
 
-    def confidence(refined: Refined) -> Float[np.ndarray, "frames joints=15"]:
-        return joint_confidence(np.asarray(refined.joints), np.asarray(refined.tips), limbs, skeleton)
+    def uncertainty(refined: Refined) -> Uncertainty:
+        trust = joint_confidence(np.asarray(refined.joints), np.asarray(refined.tips), limbs, skeleton)
+        # The same in all directions, and as wide as the confidence says.
+        variance = deviation_for(SAME_PLACE, np.clip(trust, _LEAST_TRUST, _MOST_TRUST)) ** 2
+        return Uncertainty((variance[..., None, None] * np.eye(3)).astype(np.float32), trust)
 
     poses = initial_poses(limbs, facing, skeleton)
-    return Start(poses, on_device(observed_graph(limbs)), _plausible(graphs, limbs, skeleton), sides, confidence)
+    return Start(poses, on_device(observed_graph(limbs)), _plausible(graphs, limbs, skeleton), sides, uncertainty)
 
 
 def _by_search(
@@ -130,9 +139,12 @@ def _by_search(
             )
         unexplained = _unexplained(hypotheses.best, observed, prepared.body)
         unusual = cost_threshold(None if costs is None else costs.typical)
-        trust = searched_confidence(_joints(hypotheses, prepared.skeleton), hypotheses.cost, unusual)
-        trust *= trust_in_explained(unexplained)[:, None]
-    return Start(hypotheses.best, observed, unexplained < NOT_THE_SUBJECT, sides, lambda _: trust), track
+        joints = _joints(hypotheses, prepared.skeleton)
+
+    def uncertainty(refined: Refined) -> Uncertainty:
+        return searched_uncertainty(joints, hypotheses.cost, np.asarray(refined.covariance), unusual, unexplained)
+
+    return Start(hypotheses.best, observed, unexplained < NOT_THE_SUBJECT, sides, uncertainty), track
 
 
 def _unexplained(poses: Pose, observed: Observed, body: Body) -> Float[np.ndarray, " frames"]:

@@ -29,6 +29,8 @@ _USED = 0.8
 # One ray in this many is used, because neighbouring rays are correlated.
 _SOME = 3
 _SCALES = fit_scales((0.04, 4))
+# Step of the central differences of the stature (logarithm of a length).
+_STEP = 1e-3
 # Frames that other sizes are tried on.
 _TRIED = 8
 # Largest number of searches and adjustments; they end when the stature changes by less than this share. Two are enough
@@ -64,6 +66,8 @@ class Subject(NamedTuple):
     poses: Pose
     """Axis ``used``: the frames that count."""
     used: Bool[np.ndarray, " frames"]
+    stature_deviation: float
+    """Standard deviation of the stature (m), to first order."""
 
 
 def find_subject(
@@ -126,7 +130,17 @@ def find_subject(
         single_precision(body), jax.tree.map(lambda a: a[:, None], poses), take(sight.observed, used), _SCALES
     )
     low, typical = np.quantile(fitted.cost[:, 0], (0.1, 0.5))
-    return Subject(body, adjusted.covariance, Costs(float(low), float(typical)), poses, used)
+    deviation = _stature_deviation(template, shape, adjusted.covariance)
+    return Subject(body, adjusted.covariance, Costs(float(low), float(typical)), poses, used, deviation)
+
+
+def _stature_deviation(template: Skeleton, shape: Shape, covariance: Float[np.ndarray, "lengths lengths"]) -> float:
+    def stature(lengths: Float[np.ndarray, " lengths"]) -> float:
+        return measured_body(template, Shape(lengths, shape.fingers, shape.balls)).skeleton.stature
+
+    steps = _STEP * np.eye(len(shape.lengths))
+    slope = np.array([stature(shape.lengths + step) - stature(shape.lengths - step) for step in steps]) / (2 * _STEP)
+    return float(np.sqrt(slope @ covariance @ slope))
 
 
 def _well_fitted(costs: Float[np.ndarray, " frames"]) -> Bool[np.ndarray, " frames"]:

@@ -51,7 +51,7 @@ class Poses(eqx.Module):
     skeleton: Skeleton | None
     """The template (m), given or found by the run, to whose rest pose the rotations refer. None where they are."""
     confidence: Float[np.ndarray, "frames joints=15"]
-    """0..1 for each joint; 0 in a frame without a pose."""
+    """Probability that each joint is within 100 mm of the truth; 0 in a frame without a pose."""
     side_confidence: Float[np.ndarray, " frames"]
     """0..1: how surely left and right are told apart in this frame; 0.5 means not at all."""
     status: Int[np.ndarray, " frames"]
@@ -59,6 +59,11 @@ class Poses(eqx.Module):
     fps: float
     up: str
     frame_index: Int[np.ndarray, " frames"]
+    covariance: Float[np.ndarray, "frames joints=15 3 3"] | None = None
+    """How far each joint may be off: covariance about where it is given (m^2); NaN in a frame without a pose. None
+    where an older version wrote the poses."""
+    stature_deviation: float | None = None
+    """Standard deviation of the skeleton's stature (m), if the run found it; None if it was given."""
 
     def __len__(self) -> int:
         return len(self.joints)
@@ -94,6 +99,11 @@ class Poses(eqx.Module):
         return self.rotations
 
     @property
+    def deviations(self) -> Float[np.ndarray, "frames joints=15"] | None:
+        """Standard deviation of each joint along an axis, the root mean square over all directions (m)."""
+        return None if self.covariance is None else np.sqrt(np.trace(self.covariance, axis1=-2, axis2=-1) / 3)
+
+    @property
     def typical_confidence(self) -> float:
         """Median over the frames with a pose of their joints' mean confidence; NaN where no frame has one."""
         return float(np.median(self.confidence[self.has_pose].mean(1))) if self.has_pose.any() else float("nan")
@@ -113,9 +123,11 @@ def join_poses(parts: Iterable[Poses]) -> Poses:
         return np.concatenate([getattr(part, field) for part in parts])
 
     whole = all(part.rotations is not None for part in parts)
+    sure = all(part.covariance is not None for part in parts)
     return Poses(
         joints=joined("joints"), tips=joined("tips"), rotations=joined("rotations") if whole else None,
         skeleton=parts[0].skeleton if whole else None, confidence=joined("confidence"),
         side_confidence=joined("side_confidence"), status=joined("status"), fps=parts[0].fps, up=parts[0].up,
-        frame_index=joined("frame_index"),
+        frame_index=joined("frame_index"), covariance=joined("covariance") if sure else None,
+        stature_deviation=parts[0].stature_deviation,
     )  # fmt: skip

@@ -4,7 +4,6 @@ In: `Limbs` and the observed outlines. Out: `Hypotheses` with their costs, the c
 or tracked from frame to frame.
 """
 
-from ._confidence import searched_confidence as searched_confidence
 from ._fit import fit_poses as fit_poses
 from ._fit import fit_scales as fit_scales
 from ._gauss_newton import DAMPING as DAMPING
@@ -22,6 +21,9 @@ from ._track import Proposed as Proposed
 from ._track import Track as Track
 from ._track import Tracking as Tracking
 from ._track import track_frames as track_frames
+from ._uncertainty import SAME_PLACE as SAME_PLACE
+from ._uncertainty import Uncertainty as Uncertainty
+from ._uncertainty import searched_uncertainty as searched_uncertainty
 from ._unexplained import NOT_THE_SUBJECT as NOT_THE_SUBJECT
 from ._unexplained import trust_in_explained as trust_in_explained
 from ._unexplained import unexplained_shares as unexplained_shares

@@ -31,6 +31,8 @@ _DEAR = 1.05, 8.0
 # A frame is searched again if it costs this much more than the cheapest frames. An offset, not a factor: poor masks
 # raise the costs of some frames far more than of others, and then a high cost is no sign of a wrong pose.
 _DOUBTFUL = 10.0
+# Where the cheapest frames cost more than 40, because the subject wears or holds things, costs vary more.
+_DOUBTFUL_SHARE = 0.25
 # The segments of the body without arms.
 _TRUNK = np.array([i for i, name in enumerate(SEGMENT_NAMES) if name[2:] not in _ARM_SEGMENTS], np.int32)
 # The limb search uses one in this many rays, to save time.
@@ -71,7 +73,11 @@ class Search(eqx.Module):
 
     def relative_to(self, low: float | None) -> "Search":
         """The same search with `doubtful` set relative to `low`, the cost of this recording's cheapest frames."""
-        return self if low is None else eqx.tree_at(lambda s: s.doubtful, self, low + _DOUBTFUL)
+        return (
+            self
+            if low is None
+            else eqx.tree_at(lambda s: s.doubtful, self, low + max(_DOUBTFUL, _DOUBTFUL_SHARE * low))
+        )
 
 
 def cost_threshold(typical: float | None) -> float:
@@ -138,24 +144,24 @@ def solve_frames(
     stack = on_device(observed)
     most = search.trunks * search.pairs
 
-    def searched(starts: Pose, frames: Int[np.ndarray, " some"]) -> Pool:
-        return _searched(model, search, pool_of(starts, frames), stack).distinct(most)
+    def searched(starts: Pose, frames: Int[np.ndarray, " some"], wide: bool) -> Pool:
+        return _searched(model, search, pool_of(starts, frames), stack, wide).distinct(most)
 
     def around(frames: Int[np.ndarray, " some"]) -> Pose:
         best = found.rows(frames, 1).best
         joints = np.asarray(place_joints(model.skeleton, on_device(best))[0])
         return other_ways(joints[: len(frames)], model.skeleton)
 
-    found = searched(starts, frames)
+    found = searched(starts, frames, wide=False)
     for more in (lambda frames: take(fallback, frames), around):
         best = found.cheapest(1)
         doubtful = best.frame[best.cost > search.doubtful]
         if len(doubtful):
-            found = found.joined(searched(more(doubtful), doubtful)).distinct(most)
+            found = found.joined(searched(more(doubtful), doubtful, wide=True)).distinct(most)
     return found.rows(frames, most)
 
 
-def _searched(model: Model, search: Search, starts: Pool, stack: Observed) -> Pool:
+def _searched(model: Model, search: Search, starts: Pool, stack: Observed, wide: bool) -> Pool:
     def again(found: Pool, frames: Int[np.ndarray, " some"], propose: _Propose) -> Pool:
         """Propose other limbs for the best pose of some frames, fit the proposals, and keep the cheapest."""
         if len(frames) == 0:
@@ -173,7 +179,7 @@ def _searched(model: Model, search: Search, starts: Pool, stack: Observed) -> Po
         best = fit_pool(model.body, found.cheapest(1), stack, fit_scales((0.04, search.steps)))
         return best.joined(found).distinct(search.trunks * search.pairs)
 
-    found = settled(_first_found(model, search, starts, stack))
+    found = settled(_first_found(model, search, starts, stack, wide))
     frames = every = np.unique(found.frame)
     for turn in range(search.again):
         before = found.cheapest(1).cost
@@ -186,10 +192,15 @@ def _searched(model: Model, search: Search, starts: Pool, stack: Observed) -> Po
     return settled(found)
 
 
-def _first_found(model: Model, search: Search, starts: Pool, stack: Observed) -> Pool:
-    """Fit the trunk, then the legs, then search for both arms at once."""
+def _first_found(model: Model, search: Search, starts: Pool, stack: Observed, wide: bool) -> Pool:
+    """Fit the trunk, then the legs, then search for both arms at once; if `wide`, search for the legs before."""
     half = search.leg_steps // 2
-    trunks = fit_pool(model.armless, starts, stack, fit_scales((0.08, search.rough_steps))).cheapest(search.starts)
+    trunks = fit_pool(model.armless, starts, stack, fit_scales((0.08, search.rough_steps)))
+    if wide:
+        # Of every start: before the legs are right, the cost does not tell which trunk is.
+        trunks = _proposed(trunks, lambda poses, at: _with_pairs(model, poses, at, stack, _LEGS, search.pairs))
+        trunks = fit_pool(model.armless, trunks, stack, fit_scales((0.08, search.rough_steps)))
+    trunks = trunks.cheapest(search.starts)
     for scale, steps in ((0.08, half), (0.05, search.leg_steps - half)):
         trunks = fit_pool(model.armless, trunks, stack, fit_scales((scale, steps)))
         trunks = take(trunks, select_distinct(trunks, search.trunk_margin, search.trunks, _TRUNK))

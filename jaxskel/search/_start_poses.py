@@ -88,14 +88,15 @@ def _eight_ways(
 def graphless_poses(middles: Float[np.ndarray, "frames 3"], skeleton: Skeleton) -> Pose:
     """Poses that need no graph, around the middle of the body: upright, crouched, upside down and lying.
 
-    Each faces four ways; those who lie do so on the back and on the belly.
+    Each faces four ways; those who lie do so on the belly, on the back and on both sides. Without the crouches, these
+    are the 24 rotations of a cube.
 
     Args:
         middles: Middle of the body (m), see `body_middles`, in a world with z up.
         skeleton: Template.
 
     Returns:
-        Poses with axes ``frames starts=20``.
+        Poses with axes ``frames starts=28``.
     """
     standing = np.repeat(np.eye(3)[None], len(SEGMENT_NAMES), 0)
     crouching, axes = np.repeat(_about_left(_LEAN)[None], len(SEGMENT_NAMES), 0), np.asarray(hinge_axes(skeleton))
@@ -106,6 +107,7 @@ def graphless_poses(middles: Float[np.ndarray, "frames 3"], skeleton: Skeleton) 
         crouching[foot] = np.eye(3)
     poses = [(standing, np.zeros(3)), (crouching, skeleton.stature * _CROUCHED)]
     poses += [(_about_left(angle) @ standing, np.zeros(3)) for angle in (np.pi, np.pi / 2, -np.pi / 2)]
+    poses += [(_about_front(angle) @ standing, np.zeros(3)) for angle in (np.pi / 2, -np.pi / 2)]
     turns = [np.linalg.matrix_power(_LEFT_OF_FRONT, quarter) for quarter in range(4)]
     roots = np.stack([turn @ offset for _, offset in poses for turn in turns])
     rotations = np.stack([turn @ pose for pose, _ in poses for turn in turns])
@@ -115,6 +117,11 @@ def graphless_poses(middles: Float[np.ndarray, "frames 3"], skeleton: Skeleton) 
 def _about_left(angle: float) -> Float[np.ndarray, "3 3"]:
     """Rotation about the y axis (left) by an angle (rad); a positive angle leans an upright body forwards."""
     return turn_about(np.array([[0.0, 1.0, 0.0]]), np.array([angle]))[0]
+
+
+def _about_front(angle: float) -> Float[np.ndarray, "3 3"]:
+    """Rotation about the x axis (front) by an angle (rad); a positive angle leans an upright body to its right."""
+    return turn_about(np.array([[1.0, 0.0, 0.0]]), np.array([angle]))[0]
 
 
 def _pose(

@@ -52,10 +52,10 @@ def test_the_rest_costs_more_than_the_cheapest(members, count):
         assert len(left) == 0 or left.cost.min() >= chosen.cost.max()
 
 
-def test_rows_are_filled_up_with_the_costliest():
+def test_rows_are_filled_up_at_infinite_cost():
     found = pool([4, 1, 4, 1, 1], [2.0, 9.0, 1.0, 7.0, 8.0])
     rows = found.rows(np.array([1, 4]), 3)
-    np.testing.assert_array_equal(rows.cost, [[7, 8, 9], [1, 2, 2]])
+    np.testing.assert_array_equal(rows.cost, [[7, 8, 9], [1, 2, np.inf]])
     np.testing.assert_array_equal(rows.poses.root[..., 0], [[3, 4, 1], [2, 0, 0]])
 
 

@@ -199,8 +199,8 @@ def test_other_ways_are_those_of_a_graph_with_the_same_pelvis_neck_and_feet():
 def test_graphless_poses_stand_and_crouch_in_the_middle_and_face_four_ways():
     middles = np.array([[0.5, -0.2, 0.9], [-1.0, 2.0, 1.1]])
     poses = graphless_poses(middles, ADULT)
-    assert poses.root.shape == (2, 20, 3)
-    assert poses.rotations.shape == (2, 20, 17, 3, 3)
+    assert poses.root.shape == (2, 28, 3)
+    assert poses.rotations.shape == (2, 28, 17, 3, 3)
     np.testing.assert_array_equal(poses.root[:, :4], np.repeat(middles[:, None], 4, 1))
     np.testing.assert_allclose(poses.rotations[:, :4, 0, :, 0], [[[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]]] * 2)
     np.testing.assert_allclose(np.linalg.det(poses.rotations), 1.0)
@@ -220,8 +220,10 @@ def test_graphless_poses_stand_on_the_head_and_lie():
     up, front = trunks[:, :, 2], trunks[:, :, 0]
     np.testing.assert_allclose(up[8:12], [[0, 0, -1]] * 4, atol=1e-12)
     np.testing.assert_allclose(up[12:, 2], 0, atol=1e-12)
-    # On the belly, then on the back, the head to all four sides.
-    np.testing.assert_allclose(front[12:, 2], [-1] * 4 + [1] * 4, atol=1e-12)
+    # On the belly, on the back, then on the sides, the head to all four sides.
+    np.testing.assert_allclose(front[12:, 2], [-1] * 4 + [1] * 4 + [0] * 8, atol=1e-12)
+    cube = np.delete(trunks, range(4, 8), axis=0)
+    assert len({tuple(np.round(turn).astype(int).ravel()) for turn in cube}) == 24
     assert len({tuple(np.round(way).astype(int)) for way in up[12:16]}) == 4
 
 

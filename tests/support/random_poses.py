@@ -17,6 +17,7 @@ def some_poses(first: int, count: int) -> Poses:
         confidence=random.random((count, 15)).astype(np.float32),
         side_confidence=random.random(count).astype(np.float32),
         status=random.integers(0, 9, count), fps=30.0, up="+Y", frame_index=np.arange(first, first + count),
+        covariance=random.random((count, 15, 3, 3)).astype(np.float32),
     )  # fmt: skip
 
 

@@ -48,9 +48,10 @@ def with_up(poses: Poses, up: str) -> Poses:
     """
     turn = turn_up(poses.up, up).astype(np.float32)
     rotations = None if poses.rotations is None else turn @ poses.rotations
+    covariance = None if poses.covariance is None else turn @ poses.covariance @ turn.T
     return eqx.tree_at(
-        lambda p: (p.joints, p.tips, p.rotations, p.up), poses,
-        (poses.joints @ turn.T, poses.tips @ turn.T, rotations, up), is_leaf=lambda leaf: leaf is None,
+        lambda p: (p.joints, p.tips, p.rotations, p.covariance, p.up), poses,
+        (poses.joints @ turn.T, poses.tips @ turn.T, rotations, covariance, up), is_leaf=lambda leaf: leaf is None,
     )  # fmt: skip
 
 

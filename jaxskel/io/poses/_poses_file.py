@@ -18,6 +18,9 @@ from ..recordings import check_names, frame_numbers, frame_rate, truth
 
 # What an older version did not write.
 _ROTATIONS = ("rotations", "rest_joints", "rest_tips")
+_UNCERTAINTY = ("sigma", "stature_sigma")
+# Poses compress to a half; an archive that is made to fill the memory, to a thousandth.
+_COMPRESSED = 20
 # A matrix whose product with its transpose is off the identity by more is no rotation that was rounded.
 _NO_ROTATION = 1e-3
 
@@ -45,6 +48,10 @@ def write_poses(folder: str | Path, poses: Poses) -> tuple[Path, Path]:
             "rotations": np.asarray(poses.rotations, np.float32), "segment_names": SEGMENT_NAMES,
             "rest_joints": np.asarray(poses.skeleton.rest_joints), "rest_tips": np.asarray(poses.skeleton.rest_tips),
         }  # fmt: skip
+    if poses.covariance is not None:
+        arrays["sigma"] = np.asarray(poses.covariance, np.float32)
+    if poses.stature_deviation is not None:
+        arrays["stature_sigma"] = poses.stature_deviation
     with written_whole(archive) as file:
         np.savez_compressed(file, **arrays)
     return archive, write_table(table, poses)
@@ -59,13 +66,16 @@ def write_table(path: str | Path, poses: Poses) -> Path:
             ["frame_index", "time_s", "status"]
             + [f"{joint}_{axis}" for joint in JOINT_NAMES for axis in "xyz"]
             + [f"{joint}_confidence" for joint in JOINT_NAMES]
+            + [f"{joint}_sigma_mm" for joint in JOINT_NAMES]
         )
+        deviations = poses.deviations
         for i, has_pose in enumerate(poses.has_pose):
             row = [str(poses.frame_index[i]), f"{i / poses.fps:.6f}", STATUS_NAMES[poses.status[i]]]
             if has_pose:
                 row += [f"{x:.6f}" for x in poses.joints[i].ravel()] + [f"{c:.4f}" for c in poses.confidence[i]]
+                row += [""] * 15 if deviations is None else [f"{1e3 * s:.1f}" for s in deviations[i]]
             else:
-                row += [""] * (4 * len(JOINT_NAMES))
+                row += [""] * (5 * len(JOINT_NAMES))
             rows.writerow(row)
     return path
 
@@ -80,7 +90,8 @@ def read_poses(path: str | Path) -> Poses:
     arrays = read_arrays(
         path,
         required=("joints", "tips", "confidence", "side_confidence", "status", "fps", "up", "frame_index"),
-        optional=("joint_names", "tip_names", "status_names", "segment_names", *_ROTATIONS),
+        optional=("joint_names", "tip_names", "status_names", "segment_names", *_ROTATIONS, *_UNCERTAINTY),
+        most=max(2**28, _COMPRESSED * path.stat().st_size) if path.is_file() else 2**28,
     )
     for key, names in (
         ("joint_names", JOINT_NAMES),
@@ -113,6 +124,8 @@ def read_poses(path: str | Path) -> Poses:
         fps=frame_rate(path, arrays),
         up=up_axis(path, arrays),
         frame_index=frame_numbers(path, arrays, n),
+        covariance=_covariance(path, arrays, status),
+        stature_deviation=_stature_deviation(path, arrays),
     )
 
 
@@ -158,6 +171,32 @@ def _rotations(
         return rotations.astype(np.float32), make_skeleton(joints, tips)
     except ValueError as error:
         raise fault(path, "rest_joints", str(error)) from None
+
+
+def _covariance(
+    path: Path, arrays: dict[str, np.ndarray], status: np.ndarray
+) -> Float[np.ndarray, "frames joints=15 3 3"] | None:
+    """Covariances of the joints (m^2), where the file has them."""
+    if "sigma" not in arrays:
+        return None
+    covariance = numbers(path, arrays, "sigma", (len(status), 15, 3, 3), nan=True)
+    _check_gaps(path, "sigma", covariance, status, "covariances")
+    known = np.flatnonzero(np.isin(status, WITH_POSE))
+    wrong = np.linalg.eigvalsh(covariance[known]).min(-1) <= 0
+    if wrong.any():
+        row, joint = (int(i) for i in np.argwhere(wrong)[0])
+        raise fault(path, "sigma", f"frame {known[row]}, {JOINT_NAMES[joint]}: no covariance; write the file again")
+    return covariance.astype(np.float32)
+
+
+def _stature_deviation(path: Path, arrays: dict[str, np.ndarray]) -> float | None:
+    """Standard deviation of the stature (m), where the file has it."""
+    if "stature_sigma" not in arrays:
+        return None
+    found = float(numbers(path, arrays, "stature_sigma", ()))
+    if found < 0:
+        raise fault(path, "stature_sigma", f"is {found:g}; a standard deviation is not below zero")
+    return found
 
 
 def _check_gaps(path: Path, key: str, values: np.ndarray, status: np.ndarray, what: str) -> None:

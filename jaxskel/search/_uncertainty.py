@@ -1,0 +1,65 @@
+"""How far the joints of a searched pose may be off: covariances, and the probability of being right."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from .._math.gaussians import probability_within
+from ..body import JOINT_NAMES
+from ._unexplained import trust_in_explained
+
+# Standard deviation of each joint as a share of what the normal equations of `volume_objective` say, and the deviation
+# (m) from which on they say too little: a limb that hardly any outline touches may be elsewhere altogether.
+_SHARES = {
+    "pelvis": 0.47, "neck": 0.43, "head": 0.25, "shoulder": 0.3, "elbow": 0.22, "hand": 0.37, "hip": 0.36, "knee": 0.3,
+    "foot": 0.18,
+}  # fmt: skip
+_UNSEEN, _POWER = 0.05, 6
+# In units of `volume_objective`: excess over the best cost that divides a rival's weight by e, and excess of the best
+# cost over the threshold that doubles the deviations.
+_RIVAL_COST, _EXCESS_COST = 1.0, 5.0
+# Doublings of the deviations at most by a high cost, and by outlines that something other than the subject causes.
+_DOUBLINGS, _UNEXPLAINED = 5.0, 4.0
+# Joints closer than this are in the same place (m), as in the paper's Table 1.
+SAME_PLACE = 0.1
+_SHARE_OF_JOINT = np.array([_SHARES[name.removeprefix("l_").removeprefix("r_")] for name in JOINT_NAMES])
+
+
+class Uncertainty(NamedTuple):
+    """How far joints may be off."""
+
+    covariance: Float[np.ndarray, "frames joints=15 3 3"]
+    """Of each joint about where it is given (m^2)."""
+    confidence: Float[np.ndarray, "frames joints=15"]
+    """Probability that it is within 100 mm of the truth."""
+
+
+def searched_uncertainty(
+    joints: Float[np.ndarray, "frames hypotheses joints=15 3"],
+    cost: Float[np.ndarray, "frames hypotheses"],
+    covariance: Float[np.ndarray, "frames joints=15 3 3"],
+    cost_threshold: float,
+    unexplained: Float[np.ndarray, " frames"],
+) -> Uncertainty:
+    """Uncertainty of the cheapest hypothesis: its own, and that of choosing it among its rivals.
+
+    Args:
+        joints: Joints of all hypotheses (m, in the world); no two of a frame are alike.
+        cost: Costs of all hypotheses.
+        covariance: Covariances from the normal equations, see `joint_covariance`.
+        cost_threshold: Cost that few frames of this subject exceed, see `cost_threshold` in `_search`.
+        unexplained: Share of the outlines that the pose leaves unexplained.
+    """
+    raw = np.sqrt(np.trace(covariance, axis1=-2, axis2=-1) / 3)
+    doublings = np.clip((cost[:, 0] - cost_threshold) / _EXCESS_COST, 0.0, _DOUBLINGS)
+    doublings += _UNEXPLAINED * (1 - trust_in_explained(unexplained))
+    wider = _SHARE_OF_JOINT * (1 + (raw / _UNSEEN) ** _POWER) * 2 ** doublings[:, None]
+    own = covariance * (wider**2)[..., None, None]
+    weight = np.exp(-np.clip(cost - cost[:, :1], -50.0, None) / _RIVAL_COST)
+    weight = (weight / weight.sum(1, keepdims=True))[..., None]
+    away = joints - joints[:, :1]
+    between = np.einsum("fkj,fkja,fkjb->fjab", np.broadcast_to(weight, away.shape[:3]), away, away)
+    offset, deviation = np.linalg.norm(away, axis=-1), (raw * wider)[:, None]
+    right = (weight * probability_within(SAME_PLACE, offset, np.broadcast_to(deviation, offset.shape))).sum(1)
+    return Uncertainty((own + between).astype(np.float32), right.astype(np.float32))

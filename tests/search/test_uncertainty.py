@@ -1,0 +1,97 @@
+"""Uncertainty of searched poses: by hand, and against random draws."""
+
+import numpy as np
+import pytest
+
+from jaxskel._math.gaussians import deviation_for, probability_within
+from jaxskel.search import NOT_THE_SUBJECT, Uncertainty, searched_uncertainty, trust_in_explained
+
+USUAL = 20.0
+SEEN = np.tile(0.03**2 * np.eye(3), (1, 15, 1, 1))  # as wide as the normal equations say of a limb that is seen
+
+
+def hypotheses(*elsewhere: bool) -> np.ndarray:
+    """One frame; some hypotheses have the left hand in a different place than the first one."""
+    joints = np.zeros((1, 1 + len(elsewhere), 15, 3))
+    for number, away in enumerate(elsewhere, 1):
+        joints[0, number, 5] = [0.0, 0.0, 0.2 * away]
+        joints[0, number, 2] = [0.05, 0.0, 0.0]  # not far enough to be elsewhere
+    return joints
+
+
+def uncertainty(joints: np.ndarray, *costs: float, covariance: np.ndarray = SEEN, unexplained=0.0) -> Uncertainty:
+    return searched_uncertainty(joints, np.array([costs]), covariance, USUAL, np.array([unexplained]))
+
+
+def test_joints_on_which_all_agree_are_sure():
+    found = uncertainty(hypotheses(False, False), 5.0, 6.0, 9.0)
+    assert (found.confidence > 0.99).all()
+    deviation = np.sqrt(np.trace(found.covariance, axis1=-2, axis2=-1) / 3)
+    assert (deviation[0, [0, 5, 11]] > 0.003).all()
+    assert (deviation < 0.03).all()
+
+
+@pytest.mark.parametrize(("extra", "confidence"), [(0.0, 0.5), (1.0, 1 / (1 + np.exp(-1))), (400.0, 1.0)])
+def test_a_rival_counts_by_what_it_costs_more(extra, confidence):
+    trust = uncertainty(hypotheses(True), 5.0, 5.0 + extra).confidence[0]
+    assert trust[5] == pytest.approx(confidence, abs=1e-3)
+    assert np.delete(trust, 5) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_rival_widens_the_covariance_towards_it_alone():
+    alone, rivalled = (uncertainty(hypotheses(True), 5.0, 5.0 + extra).covariance[0, 5] for extra in (1e9, 0.0))
+    np.testing.assert_allclose(rivalled - alone, np.diag([0, 0, 0.5 * 0.2**2]), atol=1e-6)
+
+
+def test_a_cheaper_rival_leaves_little():
+    assert uncertainty(hypotheses(True), 15.0, 5.0).confidence[0, 5] < 0.1
+
+
+def test_a_costly_pose_is_trusted_less_in_every_joint():
+    found = [uncertainty(hypotheses(False), cost, cost) for cost in (20.0, 40.0, 1e9)]
+    trust = [each.confidence[0] for each in found]
+    assert (trust[0] > trust[1]).all()
+    assert (trust[1] > trust[2]).all()
+    assert trust[2].max() < 0.5
+    assert np.isfinite(found[2].covariance).all()
+
+
+def test_infinite_costs_are_no_rivals():
+    assert uncertainty(hypotheses(True), 5.0, np.inf).confidence[0, 5] > 0.99
+
+
+def test_a_limb_that_hardly_any_outline_touches_is_not_sure():
+    trust = [uncertainty(hypotheses(False), 5.0, 5.0, covariance=k**2 * SEEN).confidence[0, 5] for k in (1, 2, 3)]
+    assert trust[0] > 0.99
+    assert trust[1] < 0.9
+    assert trust[2] < 0.2
+
+
+def test_what_the_subject_does_not_explain_makes_unsure():
+    trust = [uncertainty(hypotheses(False), 5.0, 5.0, unexplained=share).confidence[0, 5] for share in (0.1, 0.3, 0.4)]
+    assert trust[0] > 0.99
+    assert trust[0] > trust[1] > trust[2]
+    assert trust[2] < 0.5
+
+
+@pytest.mark.parametrize(("offset", "deviation"), [(0.0, 0.03), (0.05, 0.02), (0.1, 0.05), (0.3, 0.1), (0.1, 1e-4)])
+def test_the_probability_is_the_share_of_random_draws(offset, deviation):
+    draws = np.random.default_rng(0).normal(size=(200_000, 3)) * deviation + [0, offset, 0]
+    share = (np.linalg.norm(draws, axis=1) < 0.1).mean()
+    assert probability_within(0.1, np.array([offset]), np.array([deviation])) == pytest.approx(share, abs=5e-3)
+
+
+@pytest.mark.parametrize("probability", [0.05, 0.5, 0.95])
+def test_a_deviation_gives_back_its_probability(probability):
+    deviation = deviation_for(0.1, np.array([probability]))
+    assert probability_within(0.1, np.zeros(1), deviation) == pytest.approx(probability, abs=1e-5)
+
+
+def test_unexplained_outlines_lower_the_confidence_to_zero():
+    shares = np.linspace(0, 0.6, 61)
+    trust = trust_in_explained(shares)
+    np.testing.assert_array_equal(trust[shares <= 0.125], 1.0)
+    np.testing.assert_array_equal(trust[shares >= NOT_THE_SUBJECT], 0.0)
+    between = trust[(shares > 0.125) & (shares < NOT_THE_SUBJECT)]
+    assert (np.diff(between) < 0).all()
+    assert trust_in_explained(np.array([(0.125 + NOT_THE_SUBJECT) / 2]))[0] == pytest.approx(0.5)
