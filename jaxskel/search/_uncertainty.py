@@ -12,13 +12,13 @@ from ._unexplained import trust_in_explained
 # Standard deviation of each joint as a share of what the normal equations of `volume_objective` say, and the deviation
 # (m) from which on they say too little: a limb that hardly any outline touches may be elsewhere altogether.
 _SHARES = {
-    "pelvis": 0.47, "neck": 0.43, "head": 0.25, "shoulder": 0.3, "elbow": 0.22, "hand": 0.37, "hip": 0.36, "knee": 0.3,
+    "pelvis": 0.47, "neck": 0.43, "head": 0.35, "shoulder": 0.3, "elbow": 0.22, "hand": 0.37, "hip": 0.36, "knee": 0.3,
     "foot": 0.18,
 }  # fmt: skip
 _UNSEEN, _POWER = 0.05, 6
 # In units of `volume_objective`: excess over the best cost that divides a rival's weight by e, and excess of the best
 # cost over the threshold that doubles the deviations.
-_RIVAL_COST, _EXCESS_COST = 1.0, 5.0
+_RIVAL_COST, _EXCESS_COST = 0.7, 5.0
 # Doublings of the deviations at most by a high cost, and by outlines that something other than the subject causes.
 _DOUBLINGS, _UNEXPLAINED = 5.0, 4.0
 # Joints closer than this are in the same place (m), as in the paper's Table 1.

@@ -31,7 +31,7 @@ def test_joints_on_which_all_agree_are_sure():
     assert (deviation < 0.03).all()
 
 
-@pytest.mark.parametrize(("extra", "confidence"), [(0.0, 0.5), (1.0, 1 / (1 + np.exp(-1))), (400.0, 1.0)])
+@pytest.mark.parametrize(("extra", "confidence"), [(0.0, 0.5), (0.7, 1 / (1 + np.exp(-1))), (400.0, 1.0)])
 def test_a_rival_counts_by_what_it_costs_more(extra, confidence):
     trust = uncertainty(hypotheses(True), 5.0, 5.0 + extra).confidence[0]
     assert trust[5] == pytest.approx(confidence, abs=1e-3)
