@@ -127,3 +127,15 @@ def frame(up: Float[np.ndarray, "*batch 3"], left: Float[np.ndarray, "*batch 3"]
     x = np.cross(left, z)
     x /= np.maximum(np.linalg.norm(x, axis=-1, keepdims=True), 1e-9)
     return np.stack([x, np.cross(z, x), z], -1)
+
+
+def perpendicular(direction: Float[Array, "n 3"]) -> tuple[Float[Array, "n 3"], Float[Array, "n 3"]]:
+    """Two unit vectors perpendicular to each unit vector and each other (Duff et al. 2017)."""
+    x, y, z = direction.T
+    sign = jnp.where(z < 0, -1.0, 1.0).astype(z.dtype)
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    return (
+        jnp.stack([1.0 + sign * x * x * a, sign * b, -sign * x], -1),
+        jnp.stack([b, sign + y * y * a, -y], -1),
+    )

@@ -5,6 +5,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from .._math.rotations import perpendicular
+
 _SMALL = 1e-8  # the root of zero has no gradient; an error of a tenth of a millimetre is negligible
 
 
@@ -106,7 +108,7 @@ def nearest_to_rays(
 
     Seen along the ray, a capsule is a segment in the plane and the ray a point: `capsule_distance` in the plane.
     """
-    axes = tuple(_components(axis) for axis in _across(directions))
+    axes = tuple(_components(axis) for axis in perpendicular(directions))
     middle = tuple(_dot(axis, _components(centres)) for axis in axes)
 
     def graze(ends: Array, radii: Array) -> tuple[Array, Array, Array, Array]:
@@ -136,15 +138,3 @@ def nearest_to_rays(
 def _dot(one: tuple[Float[Array, "..."], ...], other: tuple[Float[Array, "..."], ...]) -> Float[Array, "..."]:
     """Dot products of vectors given by their components."""
     return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
-
-
-def _across(directions: Float[Array, "rays 3"]) -> tuple[Float[Array, "rays 3"], Float[Array, "rays 3"]]:
-    """Two unit vectors that are perpendicular to each direction and to each other (Duff et al. 2017)."""
-    x, y, z = _components(directions)
-    sign = jnp.where(z < 0, -1.0, 1.0).astype(z.dtype)
-    a = -1 / (sign + z)
-    b = x * y * a
-    return (
-        jnp.stack([1 + sign * x * x * a, sign * b, -sign * x], -1),
-        jnp.stack([b, sign + y * y * a, -y], -1),
-    )

@@ -30,18 +30,20 @@ def test_poses_file_holds_what_its_readers_need(poses_file):
     assert np.isnan(arrays["joints"][1]).all()
 
 
-def test_what_an_older_version_wrote_has_no_rotations(tmp_path, poses_file):
+def test_what_an_older_version_wrote_has_no_rotations_and_covariances(tmp_path, poses_file):
     arrays = arrays_of(poses_file)
-    for key in ("rotations", "segment_names", "rest_joints", "rest_tips"):
+    for key in ("rotations", "segment_names", "rest_joints", "rest_tips", "sigma", "stature_sigma"):
         del arrays[key]
     np.savez(poses_file, **arrays)
     found = read_poses(poses_file)
-    assert same(found, replace(some_poses(), rotations=None, skeleton=None))
+    assert same(found, replace(some_poses(), rotations=None, skeleton=None, covariance=None, stature_deviation=None))
     # It is written, turned and put together as it is.
     again, _ = write_poses(tmp_path / "again", with_up(found, "+Y"))
     assert set(arrays_of(again)) == set(arrays)
     assert same(read_poses(again), found)
     assert join_poses([found, some_poses()]).rotations is None
+    assert join_poses([found, some_poses()]).covariance is None
+    assert found.deviations is None
     for what in ("pose", "local_rotations"):
         with pytest.raises(ValueError, match="an older version wrote them; reconstruct again"):
             getattr(found, what)
@@ -65,7 +67,7 @@ def test_poses_table(tmp_path):
     with open(table, newline="") as file:
         rows = list(csv.DictReader(file))
     assert list(rows[0])[:6] == ["frame_index", "time_s", "status", "pelvis_x", "pelvis_y", "pelvis_z"]
-    assert list(rows[0])[-1] == "r_foot_confidence"
+    assert list(rows[0])[-16:-14] == ["r_foot_confidence", "pelvis_sigma_mm"]
     assert [row["frame_index"] for row in rows] == ["7", "8", "9"]
     assert [float(row["time_s"]) for row in rows] == [0.0, 0.08, 0.16]
     assert [row["status"] for row in rows] == ["ok", "no_hull", "view_lost"]
@@ -76,6 +78,8 @@ def test_poses_table(tmp_path):
             read = [float(rows[i][f"{joint}_{axis}"]) for axis in "xyz"]
             np.testing.assert_allclose(read, poses.joints[i, j], atol=1e-6)
             np.testing.assert_allclose(float(rows[i][f"{joint}_confidence"]), poses.confidence[i, j], atol=1e-4)
+            # Deviations of 10, 20 and 30 mm.
+            np.testing.assert_allclose(float(rows[i][f"{joint}_sigma_mm"]), (1400 / 3) ** 0.5, atol=0.05)
 
 
 def test_poses_serve_as_truth(poses_file):
@@ -102,6 +106,9 @@ WRONG_POSES = {
     "rotation without a pose": (rows("rotations", (1, 2, 1, 1), 1.0), "rotations", "frame 1 is no_hull"),
     "mirrored rotation": (lambda a: {"rotations": -a["rotations"]}, "rotations", "frame 0, pelvis: no rotation"),
     "scaled rotation": (rows("rotations", (2, 1), 2 * np.eye(3)), "rotations", "frame 2, chest: no rotation"),
+    "sigma without a pose": (rows("sigma", (1, 2, 1, 1), 1.0), "sigma", "frame 1 is no_hull"),
+    "negative sigma": (lambda a: {"sigma": -a["sigma"]}, "sigma", "frame 0, pelvis: no covariance"),
+    "negative deviation": (lambda a: {"stature_sigma": np.array(-0.1)}, "stature_sigma", "not below zero"),
     "infinite rotation": (rows("rotations", (0, 0, 0, 0), np.inf), "rotations", "index (0, 0, 0, 0)"),
     "other segments": (lambda a: {"segment_names": a["segment_names"][::-1]}, "segment_names", "pelvis, chest"),
     "skeleton in millimetres": (scaled("rest_joints", 1000), "rest_joints", "give metres"),

@@ -38,7 +38,7 @@ def fake(patch: pytest.MonkeyPatch) -> list[int]:
             poses = some_poses(start, count)
             yield replace(poses, status=poses.status * 0, tips=np.ones_like(poses.tips)), track
 
-    prepared = SimpleNamespace(skeleton=default_adult(1.6))
+    prepared = SimpleNamespace(skeleton=default_adult(1.6), stature_deviation=None)
     patch.setattr(one, "prepare", lambda recording, settings: prepared)
     patch.setattr(one, "batches_from", batches_from)
     return batches

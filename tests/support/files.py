@@ -57,6 +57,8 @@ def some_poses() -> Poses:
         fps=12.5,
         up="+Y",
         frame_index=np.array([7, 8, 9]),
+        covariance=(np.diag([1e-4, 4e-4, 9e-4]) * np.ones((3, 15, 1, 1)) * gap[..., None]).astype(np.float32),
+        stature_deviation=0.02,
     )
 
 

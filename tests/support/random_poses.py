@@ -9,6 +9,7 @@ from jaxskel.search import Track
 
 def some_poses(first: int, count: int) -> Poses:
     random = np.random.default_rng(first)
+    spread = random.random((count, 15, 3, 3)).astype(np.float32)
     return Poses(
         joints=random.normal(size=(count, 15, 3)).astype(np.float32),
         tips=np.full((count, 5, 3), np.nan, np.float32),
@@ -17,7 +18,7 @@ def some_poses(first: int, count: int) -> Poses:
         confidence=random.random((count, 15)).astype(np.float32),
         side_confidence=random.random(count).astype(np.float32),
         status=random.integers(0, 9, count), fps=30.0, up="+Y", frame_index=np.arange(first, first + count),
-        covariance=random.random((count, 15, 3, 3)).astype(np.float32),
+        covariance=spread @ spread.swapaxes(-1, -2) + np.eye(3, dtype=np.float32),
     )  # fmt: skip
 
 

@@ -3,7 +3,6 @@
 from typing import Any, Protocol, runtime_checkable
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...body import Pose, Skeleton
@@ -81,15 +80,3 @@ class JointRotations(eqx.Module):
     def pose(self, base: Pose, skeleton: Skeleton) -> Pose:
         """The pose."""
         return base
-
-
-def perpendicular(direction: Float[Array, "n 3"]) -> tuple[Float[Array, "n 3"], Float[Array, "n 3"]]:
-    """Two unit vectors perpendicular to each unit vector and each other (Duff et al. 2017, without the branch)."""
-    x, y, z = direction.T
-    sign = jnp.where(z >= 0, 1.0, -1.0)
-    a = -1.0 / (sign + z)
-    b = x * y * a
-    return (
-        jnp.stack([1.0 + sign * x * x * a, sign * b, -sign * x], -1),
-        jnp.stack([b, sign + y * y * a, -y], -1),
-    )

@@ -4,9 +4,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..._math.rotations import turned
+from ..._math.rotations import perpendicular, turned
 from ...body import JOINT_PARENTS, SEGMENT_OF_JOINT, SEGMENT_OF_PIVOT, SEGMENT_PARENTS, Pose, Skeleton
-from ._base import JointRotations, perpendicular
+from ._base import JointRotations
 
 # Trunk segments turn freely, because their twist moves hips and shoulders; the twist of other bones moves no joint.
 _FREE = (0, 1)

@@ -9,10 +9,10 @@ import numpy as np
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
-from ..._math.rotations import exponential, left_jacobian
+from ..._math.rotations import exponential, left_jacobian, perpendicular
 from ...body import SEGMENT_NAMES, SEGMENT_PARENTS, Pose, Skeleton, hinge_axes
 from ..terms import PlacedBody
-from ._base import JointRotations, perpendicular
+from ._base import JointRotations
 from ._motion import Motion
 
 # Shoulder blades and hands do not twist; elbows and knees are hinges; all other segments turn freely.
