@@ -4,6 +4,7 @@ import argparse
 from dataclasses import dataclass
 
 import equinox as eqx
+from _clothes import with_clothes
 from disturb import with_cameras, with_dirty_masks, with_wrong_bones
 
 from jaxskel import Recording
@@ -21,6 +22,10 @@ class Condition:
     """Error of each bone length, as a share of it."""
     seed: int = 0
     """Seed of the wrong bone lengths."""
+    clothes: int | None = None
+    """Seed of the clothes; None adds none."""
+    unknown: bool = False
+    """Whether the subject's dimensions are withheld."""
     step: int = 1
     """One frame in this many is used."""
 
@@ -32,6 +37,10 @@ class Condition:
             parts.append(f"dirty masks (seed {self.dirty})")
         if self.bones:
             parts.append(f"bones ±{100 * self.bones:g} % (seed {self.seed})")
+        if self.clothes is not None:
+            parts.append(f"clothes (seed {self.clothes})")
+        if self.unknown:
+            parts.append("dimensions unknown")
         if self.step > 1:
             parts.append(f"1 frame in {self.step}")
         return ", ".join(parts)
@@ -44,10 +53,14 @@ def disturbed(recording: Recording, condition: Condition) -> Recording:
         recording = eqx.tree_at(lambda r: r.fps, fewer, recording.fps / condition.step)
     if condition.cameras is not None:
         recording = with_cameras(recording, condition.cameras)
+    if condition.clothes is not None:
+        recording = with_clothes(recording, condition.clothes)
     if condition.dirty is not None:
         recording = with_dirty_masks(recording, condition.dirty)
     if condition.bones:
         recording = with_wrong_bones(recording, condition.bones, condition.seed)
+    if condition.unknown:
+        recording = eqx.tree_at(lambda r: r.skeleton, recording, None, is_leaf=lambda leaf: leaf is None)
     return recording
 
 
@@ -55,6 +68,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that make up a `Condition`."""
     parser.add_argument("--cameras", type=_indices, metavar="0,2,3", help="use only these cameras")
     parser.add_argument("--dirty", type=_whole, metavar="SEED", help="dirty masks: rough edges, holes, a black view")
+    parser.add_argument("--clothes", type=_whole, metavar="SEED", help="skirts, coats, hair, backpacks and the like")
+    parser.add_argument("--unknown", action="store_true", help="withhold the subject's dimensions")
     parser.add_argument("--bones", type=_share, metavar="SHARE", default=0.0, help="bone lengths off by this share")
     parser.add_argument("--seed", type=_whole, default=0, help="seed of the bone lengths")
     parser.add_argument("--step", type=_positive, default=1, metavar="N", help="one frame in N only")
@@ -62,7 +77,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def condition_of(arguments: argparse.Namespace) -> Condition:
     """The condition that the options of `add_options` ask for."""
-    return Condition(arguments.cameras, arguments.dirty, arguments.bones, arguments.seed, arguments.step)
+    return Condition(
+        arguments.cameras, arguments.dirty, arguments.bones, arguments.seed, arguments.clothes, arguments.unknown,
+        arguments.step,
+    )  # fmt: skip
 
 
 def _indices(text: str) -> tuple[int, ...]:

@@ -5,6 +5,7 @@ import cv2
 import equinox as eqx
 import numpy as np
 import pytest
+from _clothes import GARMENTS, with_clothes
 from _condition import Condition, disturbed
 from disturb import holes_and_blobs, rough_edges, with_cameras, with_dirty_masks, with_wrong_bones
 
@@ -245,6 +246,38 @@ def test_bones_that_cannot_be_disturbed_are_refused(scene):
         with_wrong_bones(scene, 5, 0)
 
 
+# --- clothes
+
+
+def test_clothes_add_to_the_silhouettes_and_take_nothing_away(scene):
+    before = masks_of(scene)
+    dressed = [masks_of(with_clothes(scene, seed)) for seed in (0, 1, 0)]
+    for each in dressed:
+        assert (each >= before).all()
+        assert 1.01 < each.sum() / before.sum() < 2
+    np.testing.assert_array_equal(dressed[0], dressed[2])
+    assert (dressed[0] != dressed[1]).any()
+
+
+@pytest.mark.parametrize("garment", GARMENTS)
+def test_a_garment_is_near_the_body_and_grows_with_it(scene, garment):
+    joints = dict(zip(JOINT_NAMES, np.moveaxis(np.asarray(scene.truth.joints, np.float64), 1, 0), strict=True))
+    twice = {name: 2 * points for name, points in joints.items()}
+    small, large = (GARMENTS[garment](*given, np.random.default_rng(0)) for given in ((joints, 1.0), (twice, 2.0)))
+    body = np.asarray(scene.truth.joints)
+    for (start, end, first, last), (other, _, wide, _) in zip(small, large, strict=True):
+        np.testing.assert_allclose(other, 2 * start, atol=1e-9)
+        assert wide == pytest.approx(2 * first)
+        for point in (start, end):
+            assert np.linalg.norm(body - point[:, None], axis=-1).min(1).max() < 0.45
+        assert 0.04 < min(first, last)
+
+
+def test_clothes_need_joints(scene):
+    with pytest.raises(ValueError, match=r"synthetic: key 'joints'"):
+        with_clothes(eqx.tree_at(lambda r: r.truth, scene, None), 0)
+
+
 # --- conditions
 
 
@@ -260,3 +293,5 @@ def test_a_condition_does_all_it_names_and_leaves_its_input(scene):
     named = str(Condition(cameras=(0, 2), dirty=1, bones=0.05, seed=2, step=4))
     assert named == "cameras 0 2, dirty masks (seed 1), bones ±5 % (seed 2), 1 frame in 4"
     assert str(Condition()) == ""
+    assert str(Condition(clothes=3, unknown=True)) == "clothes (seed 3), dimensions unknown"
+    assert disturbed(scene, Condition(unknown=True)).skeleton is None
