@@ -99,8 +99,8 @@ def found_subject(prepared: Prepared) -> str:
     """What was found out about a subject whose dimensions were unknown."""
     stature, deviation = prepared.skeleton.stature, prepared.stature_deviation
     if deviation is None:
-        return f"unknown subject, taken to be of average proportions and {stature:.2f} m tall"
-    return f"unknown subject, found to be {stature:.2f} +- {deviation:.2f} m tall"
+        return f"unknown subject: stature {stature:.2f} m, average proportions"
+    return f"unknown subject: stature {stature:.2f} +- {deviation:.2f} m"
 
 
 def make_settings(

@@ -7,7 +7,7 @@ import re
 import equinox as eqx
 import numpy as np
 
-from jaxskel import Poses, Recording
+from jaxskel import Poses, Recording, default_adult
 from jaxskel.poses import Status
 from jaxskel.synthetic import make_scene
 from support.phantoms import ring
@@ -38,9 +38,10 @@ def poses_of(recording: Recording) -> Poses:
     joints[LOST], tips[LOST], confidence[LOST], status[LOST] = np.nan, np.nan, 0, Status.SEVERAL_PEOPLE
     status[LOST + 2] = Status.NOT_CONVERGED
     return Poses(
-        joints=joints.astype(np.float32), tips=tips.astype(np.float32), rotations=None, skeleton=None,
+        joints=joints.astype(np.float32), tips=tips.astype(np.float32), rotations=None, skeleton=default_adult(1.71),
         confidence=confidence.astype(np.float32), side_confidence=noise.uniform(0.5, 1, n).astype(np.float32),
         status=status, fps=recording.fps, up=recording.up, frame_index=recording.frame_index,
+        stature_deviation=0.02,
     )  # fmt: skip
 
 

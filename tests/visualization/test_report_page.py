@@ -76,6 +76,7 @@ def test_the_page_opens_without_an_error_and_asks_for_nothing_else(driver, file,
     assert page.errors() == []
     assert page.find("h1").text == "synthetic"
     assert "11 (10 ok, 1 not_converged, 1 several_people)" in page.find(".facts").text
+    assert "1.71 m ± 0.02 m, found" in page.find(".facts").text
     assert page.find("#readout").text == f"frame 0 of {FRAMES} · 0.00 s · number 100 of the material"
 
 

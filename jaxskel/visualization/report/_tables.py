@@ -21,9 +21,20 @@ def facts(recording: Recording, poses: Poses) -> str:
         ("with a pose", f"{int(poses.has_pose.sum())} ({counts})"),
         ("cameras", f"{len(recording.cameras)} of {', '.join(sizes)} px"),
         ("up", poses.up),
+        *_stature(poses),
         ("page made by", ", ".join(f"{name} {version(name)}" for name in ("jaxskel", "jax", "numpy"))),
     )
     return "".join(f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>" for name, value in rows)
+
+
+def _stature(poses: Poses) -> list[tuple[str, str]]:
+    """How tall the subject is, and how surely where the run found it."""
+    if poses.skeleton is None:
+        return []
+    told = f"{poses.skeleton.stature:.2f} m"
+    return [
+        ("stature", told if poses.stature_deviation is None else f"{told} ± {poses.stature_deviation:.2f} m, found")
+    ]
 
 
 def bone_lengths(poses: Poses, skeleton: Skeleton | None) -> str:
