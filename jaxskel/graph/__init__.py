@@ -6,6 +6,7 @@ and skeletoniser are arguments.
 
 from ._forest import Forest as Forest
 from ._forest import forest_of as forest_of
+from ._person_graphs import MIN_BRANCH as MIN_BRANCH
 from ._person_graphs import person_graphs as person_graphs
 from ._person_graphs import skeletal_graphs as skeletal_graphs
 from ._root_finders import HeadBall as HeadBall

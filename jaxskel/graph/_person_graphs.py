@@ -10,11 +10,14 @@ from ._root_finders import RootFinder
 from ._skeletal_graph import MAX_ENDS, SkeletalGraph, limit_ends, prune_all
 from ._skeletonisers import Skeletoniser, VoxelScooping
 
+MIN_BRANCH = 0.24
+"""Shortest branch that is kept (m); `GraphSettings.min_branch` says which measurement chose it."""
+
 
 def skeletal_graphs(
     hulls: VisualHulls,
     roots: Int[np.ndarray, " frames"],
-    min_branch: float = 0.24,
+    min_branch: float = MIN_BRANCH,
     skeletoniser: Skeletoniser | None = None,
 ) -> list[SkeletalGraph]:
     """Pruned graph of each hull (Sect. 3.1): `roots` index ``hulls.voxels``, branches are at least `min_branch` (m)."""
