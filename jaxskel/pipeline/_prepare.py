@@ -87,10 +87,13 @@ def _with_subject(prepared: Prepared, recorded: Silhouettes, settings: Settings,
     known = prepared.skeleton_is_known
     prior, sizes = (flesh_prior(skeleton), ()) if known else (adults_prior(skeleton), OTHER_SIZES)
     subject = find_subject(skeleton, prior, sight, settings.search, sizes)
-    deviation = None if known else subject.stature_deviation
+    if known:  # exactly as given, not rounded
+        body = eqx.tree_at(lambda b: b.skeleton, subject.body, skeleton)
+        return replace(prepared, body=body, costs=subject.costs)
     return replace(
-        prepared, skeleton=subject.body.skeleton, body=subject.body, costs=subject.costs, stature_deviation=deviation
-    )
+        prepared, skeleton=subject.body.skeleton, body=subject.body, costs=subject.costs,
+        stature_deviation=subject.stature_deviation,
+    )  # fmt: skip
 
 
 def _template(graphs: list[SkeletalGraph], prepared: Prepared) -> Skeleton:

@@ -39,7 +39,7 @@ class GraphSettings(eqx.Module):
     """Finds where the graph starts: at the sphere of the head, or, as in the paper, at the `HighestVoxel`."""
     min_branch: float = MIN_BRANCH
     """Branches of the graph shorter than this are pruned (m). With 0.20, 0.24 and 0.28 m, the labelled graph alone gets
-    25.1, 22.9 and 25.0 % of the hands wrong on the twenty test sequences: `benchmarks/defaults.py --only min_branch`."""
+    25.1, 22.9 and 25.0 % of the hands wrong on the twenty test sequences: see `benchmarks/defaults.py`."""
 
 
 class MatchingSettings(eqx.Module):

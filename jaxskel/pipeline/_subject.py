@@ -138,12 +138,14 @@ def find_subject(
 
 
 def _stature_deviation(template: Skeleton, shape: Shape, covariance: Float[np.ndarray, "lengths lengths"]) -> float:
+    lengths = np.asarray(shape.lengths)
+
     def stature(lengths: Float[np.ndarray, " lengths"]) -> float:
         return measured_body(template, Shape(lengths, shape.fingers, shape.balls)).skeleton.stature
 
-    steps = _STEP * np.eye(len(shape.lengths))
-    slope = np.array([stature(shape.lengths + step) - stature(shape.lengths - step) for step in steps]) / (2 * _STEP)
-    return float(np.hypot(np.sqrt(slope @ covariance @ slope), _MODEL_ERROR * stature(shape.lengths)))
+    steps = _STEP * np.eye(len(lengths))
+    slope = np.array([stature(lengths + step) - stature(lengths - step) for step in steps]) / (2 * _STEP)
+    return float(np.hypot(np.sqrt(slope @ covariance @ slope), _MODEL_ERROR * stature(lengths)))
 
 
 def _well_fitted(costs: Float[np.ndarray, " frames"]) -> Bool[np.ndarray, " frames"]:

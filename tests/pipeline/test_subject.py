@@ -54,7 +54,8 @@ def test_the_prior_of_flesh_keeps_lengths_and_grows_with_the_body():
     for prior in (small, tall):
         np.testing.assert_array_equal(prior.mean.lengths, 0.0)
         assert np.linalg.eigvalsh(prior.precision).min() > 0
-    np.testing.assert_allclose(tall.mean.balls, 1.2 * np.asarray(small.mean.balls), rtol=1e-6, atol=1e-9)
+    # Not exactly: joint centres are known to 2 mm, however tall a person is.
+    np.testing.assert_allclose(tall.mean.balls, 1.2 * np.asarray(small.mean.balls), atol=4e-3)
     body = measured_body(ADULT, flesh_prior(ADULT).mean)
     np.testing.assert_allclose(lengths_of(body.skeleton), lengths_of(ADULT), rtol=1e-5)
     # A body as adults are is not far from the one that `make_body` draws.

@@ -58,8 +58,9 @@ def test_search_finds_every_joint(filmed, found):
 def test_hypotheses_are_ordered_by_what_they_cost(filmed, found):
     model = make_model(BODY)
     assert found.cost.shape == found.poses.root.shape[:2] == (8, SEARCH.trunks * SEARCH.pairs)
-    assert np.isfinite(found.cost).all()
-    assert (np.diff(found.cost, axis=1) >= 0).all()
+    # Where fewer differ, the last one is repeated at infinite cost.
+    assert np.isfinite(found.cost[:, :2]).all()
+    assert (found.cost[:, 1:] >= found.cost[:, :-1]).all()
     assert (found.cost[:, 0] < found.cost[:, -1]).all()
 
     @jax.jit
@@ -69,7 +70,9 @@ def test_hypotheses_are_ordered_by_what_they_cost(filmed, found):
 
     for hypothesis in (0, 5):
         poses = jax.tree.map(jnp.asarray, some(found.poses, (slice(None), hypothesis)))
-        np.testing.assert_allclose(costs(poses, filmed.observed), found.cost[:, hypothesis], rtol=1e-3)
+        there = np.isfinite(found.cost[:, hypothesis])
+        expected = found.cost[there, hypothesis]
+        np.testing.assert_allclose(costs(poses, filmed.observed)[there], expected, rtol=1e-3)
 
 
 def test_what_is_found_is_a_pose_of_the_skeleton(found):
