@@ -3,6 +3,8 @@
     python benchmarks/accuracy.py SEQUENCE.npz ... [--output accuracy.json]
     python benchmarks/accuracy.py SEQUENCE.npz ... --cameras 0,2,3,5,7,8      with fewer cameras
     python benchmarks/accuracy.py SEQUENCE.npz ... --dirty 1                  with dirty masks
+    python benchmarks/accuracy.py SEQUENCE.npz ... --unknown                  dimensions withheld
+    python benchmarks/accuracy.py SEQUENCE.npz ... --unknown --clothes 1      the same in clothes
     python benchmarks/accuracy.py SEQUENCE.npz ... --bones 0.05 --seed 1      with a mismeasured subject
     python benchmarks/accuracy.py SEQUENCE.npz ... --preset tracked           as with `jaxskel run --track`
 
@@ -23,7 +25,17 @@ from _condition import Condition, add_options, condition_of, disturbed
 from _presets import PRESETS
 from jaxtyping import Bool, Float
 
-from jaxskel import Poses, Prepared, Recording, Settings, join_poses, prepare, read_recording, reconstruct_batches
+from jaxskel import (
+    JOINT_NAMES,
+    Poses,
+    Prepared,
+    Recording,
+    Settings,
+    join_poses,
+    prepare,
+    read_recording,
+    reconstruct_batches,
+)
 from jaxskel.poses import Score, score
 from jaxskel.poses.metrics import join_scores
 
@@ -89,6 +101,25 @@ def reliability(confidence: Float[np.ndarray, " joints"], right: Bool[np.ndarray
     return "\n".join(lines)
 
 
+def squared_deviations(poses: Poses, recording: Recording) -> Float[np.ndarray, "frames joints"]:
+    """Squared Mahalanobis distances of the truth from the joints, of the frames with a pose and a truth."""
+    assert recording.truth is not None
+    assert poses.covariance is not None
+    known = poses.has_pose & np.isfinite(recording.truth.joints).all((1, 2))
+    away = (poses.joints[known] - recording.truth.joints[known]).astype(np.float64)
+    solved = np.linalg.solve(poses.covariance[known].astype(np.float64), away[..., None])[..., 0]
+    return (away * solved).sum(-1)
+
+
+def coverage(squared: Float[np.ndarray, "frames joints"]) -> str:
+    """A table: how many truths are within two and three standard deviations; of a true Gaussian, 73.9 and 97.1 %."""
+    lines = ["| joints | within 2 sigma | within 3 sigma |", "|---|---|---|"]
+    for name, joints in (("all", JOINT_NAMES), ("hands", ("l_hand", "r_hand")), ("feet", ("l_foot", "r_foot"))):
+        chosen = squared[:, [JOINT_NAMES.index(joint) for joint in joints]]
+        lines.append(f"| {name} | {100 * (chosen < 4).mean():.1f} % | {100 * (chosen < 9).mean():.1f} % |")
+    return "\n".join(lines)
+
+
 def score_files(paths: list[Path], condition: Condition, settings: Settings) -> tuple[dict[str, Score], Score]:
     """Reconstruct and score files under a condition; print a row for each, one for all, and the reliability.
 
@@ -98,6 +129,7 @@ def score_files(paths: list[Path], condition: Condition, settings: Settings) -> 
     results: dict[str, Score] = {}
     frames, seconds = 0, 0.0
     trusted: list[tuple[np.ndarray, np.ndarray]] = []
+    squared: list[np.ndarray] = []
     suffix = f", {condition}" if str(condition) else ""
     print(HEADER)
     for path in sorted(paths):
@@ -111,10 +143,12 @@ def score_files(paths: list[Path], condition: Condition, settings: Settings) -> 
         results[path.stem] = score_against_truth(poses, recording)
         frames, seconds = frames + len(recording), seconds + taken
         trusted.append(trust_and_truth(poses, recording))
+        squared.append(squared_deviations(poses, recording))
         print(row(path.stem + suffix, results[path.stem], len(recording) / taken), flush=True)
     total = join_scores(results.values())
     print(row(f"**all**{suffix}", total, frames / seconds), flush=True)
     print("\n" + reliability(*(np.concatenate(part) for part in zip(*trusted, strict=True))))
+    print("\n" + coverage(np.concatenate(squared)))
     return results, total
 
 
