@@ -62,4 +62,5 @@ def searched_uncertainty(
     between = np.einsum("fkj,fkja,fkjb->fjab", np.broadcast_to(weight, away.shape[:3]), away, away)
     offset, deviation = np.linalg.norm(away, axis=-1), (raw * wider)[:, None]
     right = (weight * probability_within(SAME_PLACE, offset, np.broadcast_to(deviation, offset.shape))).sum(1)
-    return Uncertainty((own + between).astype(np.float32), right.astype(np.float32))
+    # Weights add up to one but for rounding.
+    return Uncertainty((own + between).astype(np.float32), np.clip(right, 0.0, 1.0).astype(np.float32))

@@ -57,11 +57,12 @@ def test_scripts_run_on_four_frames(tmp_path, monkeypatch, capsys):
     write_recording(tmp_path / "scene.npz", make_scene(4, cameras=camera_ring(9)))
     condition = ["--cameras", "0,1,2,3,4,5,6,7", "--step", "2"]
     run(accuracy.main, monkeypatch, "scene.npz", *condition, "--output", "all.json")
-    rows, trust = (
+    rows, trust, within = (
         [line for line in part.splitlines() if line.startswith("|")] for part in capsys.readouterr().out.split("\n\n")
     )
     assert len(rows) == 4
     assert len(trust) == 5
+    assert [row.split("|")[1].strip() for row in within[2:]] == ["all", "hands", "feet"]
     assert len({row.count("|") for row in rows}) == 1
     assert rows[2].startswith("| scene, cameras 0 1 2 3 4 5 6 7, 1 frame in 2 | 2 | 0 |")
     assert rows[3].startswith("| **all**, cameras 0 1 2 3 4 5 6 7, 1 frame in 2 | 2 | 0 |")

@@ -31,6 +31,15 @@ def test_joints_on_which_all_agree_are_sure():
     assert (deviation < 0.03).all()
 
 
+def test_confidence_is_a_probability_in_spite_of_rounding():
+    random = np.random.default_rng(0)
+    joints = np.zeros((200, 8, 15, 3))
+    costs, covariance = random.uniform(0, 3, (200, 8)), np.tile(0.001**2 * np.eye(3), (200, 15, 1, 1))
+    found = searched_uncertainty(joints, costs.astype(np.float32), covariance, USUAL, np.zeros(200))
+    assert found.confidence.max() <= 1.0
+    assert found.confidence.min() > 0.99
+
+
 @pytest.mark.parametrize(("extra", "confidence"), [(0.0, 0.5), (0.7, 1 / (1 + np.exp(-1))), (400.0, 1.0)])
 def test_a_rival_counts_by_what_it_costs_more(extra, confidence):
     trust = uncertainty(hypotheses(True), 5.0, 5.0 + extra).confidence[0]
