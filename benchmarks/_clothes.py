@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxskel import JOINT_NAMES, Recording
+from jaxskel._math.vectors import unit
 from jaxskel.synthetic import render
 
 _Capsule = tuple[Float[np.ndarray, "frames 3"], Float[np.ndarray, "frames 3"], float, float]
@@ -80,13 +81,13 @@ def _trousers(joints: _Joints, size: float, rng: np.random.Generator) -> list[_C
 
 def _hood(joints: _Joints, size: float, rng: np.random.Generator) -> list[_Capsule]:
     """Around the head, or a hat on it."""
-    up = _unit(joints["head"] - joints["neck"])
+    up = unit(joints["head"] - joints["neck"])
     return [(joints["neck"], joints["head"] + 0.04 * size * up, 0.09 * size, size * rng.uniform(0.12, 0.15))]
 
 
 def _hair(joints: _Joints, size: float, rng: np.random.Generator) -> list[_Capsule]:
     """From the back of the head down over the shoulders."""
-    front, up = _front(joints), _unit(joints["head"] - joints["neck"])
+    front, up = _front(joints), unit(joints["head"] - joints["neck"])
     back = joints["head"] - 0.07 * size * front
     return [(back, back - size * rng.uniform(0.15, 0.4) * up - 0.03 * size * front, 0.09 * size, 0.07 * size)]
 
@@ -96,7 +97,7 @@ def _backpack(joints: _Joints, size: float, rng: np.random.Generator) -> list[_C
     front, thick = _front(joints), size * rng.uniform(0.09, 0.13)
     middle = (joints["neck"] + joints["pelvis"]) / 2 - 0.18 * size * front
     half = (joints["neck"] - joints["pelvis"]) * 0.3
-    aside = 0.07 * size * _unit(joints["l_shoulder"] - joints["r_shoulder"])
+    aside = 0.07 * size * unit(joints["l_shoulder"] - joints["r_shoulder"])
     return [(middle + half + way * aside, middle - half + way * aside, thick, thick) for way in (-1, 1)]
 
 
@@ -120,8 +121,4 @@ def _shortened(capsules: list[_Capsule], share: float) -> list[_Capsule]:
 
 def _front(joints: _Joints) -> Float[np.ndarray, "frames 3"]:
     """Where the chest faces."""
-    return _unit(np.cross(joints["l_shoulder"] - joints["r_shoulder"], joints["neck"] - joints["pelvis"]))
-
-
-def _unit(vectors: Float[np.ndarray, "frames 3"]) -> Float[np.ndarray, "frames 3"]:
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return unit(np.cross(joints["l_shoulder"] - joints["r_shoulder"], joints["neck"] - joints["pelvis"]))

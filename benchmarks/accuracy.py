@@ -60,14 +60,21 @@ def score_against_truth(poses: Poses, recording: Recording) -> Score:
     return score(poses.joints.astype(np.float64), recording.truth.joints, poses.has_pose)
 
 
+def errors(
+    poses: Poses, recording: Recording
+) -> tuple[Bool[np.ndarray, " frames"], Float[np.ndarray, "known joints 3"]]:
+    """Which frames have a pose and a truth, and how far each joint is from it there (m)."""
+    assert recording.truth is not None
+    known = poses.has_pose & np.isfinite(recording.truth.joints).all((1, 2))
+    return known, (poses.joints[known] - recording.truth.joints[known]).astype(np.float64)
+
+
 def trust_and_truth(
     poses: Poses, recording: Recording
 ) -> tuple[Float[np.ndarray, " joints"], Bool[np.ndarray, " joints"]]:
     """Confidence of all joints of the frames with a pose and a truth, and whether they are within 100 mm of it."""
-    assert recording.truth is not None
-    known = poses.has_pose & np.isfinite(recording.truth.joints).all((1, 2))
-    away = np.linalg.norm(poses.joints[known] - recording.truth.joints[known], axis=-1)
-    return poses.confidence[known].ravel(), away.ravel() < 0.1
+    known, away = errors(poses, recording)
+    return poses.confidence[known].ravel(), np.linalg.norm(away, axis=-1).ravel() < 0.1
 
 
 def row(name: str, result: Score, frames_per_second: float) -> str:
@@ -103,10 +110,8 @@ def reliability(confidence: Float[np.ndarray, " joints"], right: Bool[np.ndarray
 
 def squared_deviations(poses: Poses, recording: Recording) -> Float[np.ndarray, "frames joints"]:
     """Squared Mahalanobis distances of the truth from the joints, of the frames with a pose and a truth."""
-    assert recording.truth is not None
     assert poses.covariance is not None
-    known = poses.has_pose & np.isfinite(recording.truth.joints).all((1, 2))
-    away = (poses.joints[known] - recording.truth.joints[known]).astype(np.float64)
+    known, away = errors(poses, recording)
     solved = np.linalg.solve(poses.covariance[known].astype(np.float64), away[..., None])[..., 0]
     return (away * solved).sum(-1)
 

@@ -4,6 +4,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
+from .._math.rotations import nearest_rotation
 from ._cameras import Cameras
 
 
@@ -34,8 +35,7 @@ def compare_rigs(cameras: Cameras, reference: Cameras) -> RigDifference:
     if len(cameras) != len(reference):
         raise ValueError(f"{len(cameras)} and {len(reference)} cameras cannot be compared: give the same ones")
     one, other = np.asarray(cameras.R, np.float64), np.asarray(reference.R, np.float64)
-    left, _, right = np.linalg.svd(np.einsum("cji,cjk->ik", other, one))
-    turn = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+    turn = nearest_rotation(np.einsum("cji,cjk->ik", other, one))
     apart = np.linalg.norm(one @ turn.T - other, axis=(1, 2))
     start, end = cameras.centres @ turn.T, reference.centres
     start, end = start - start.mean(0), end - end.mean(0)
