@@ -1,21 +1,15 @@
 """Processes that work on recordings, each on its own core. If one dies, only its recording fails."""
 
-import os
 import pickle
-import signal
-import threading
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing import get_context, resource_tracker
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import wait
 from pathlib import Path
-from typing import Any
 
-from .._runtime.cores import take_core
 from .._runtime.plain_text import plain
+from .._runtime.worker_processes import WorkerProcess
 from ._folders import ResultFolder
 from ._manifest import Manifest, Work, current_version, failed
 from ._method import Method
@@ -29,8 +23,6 @@ TIMEOUT = 3600.0
 background of long films in the largest format takes tens of minutes."""
 # A process repeats the same sign only after this time (s).
 _BETWEEN_SIGNS = 0.5
-# Longest wait for a killed process to end (s). One that does not end hangs on a disk that is gone.
-_TO_END = 10.0
 # Longest single wait (s). If a wait lasts _LOST (s) longer than asked for, or that time passes between waits, this
 # process was stopped or the machine slept. The workers' silence does not count then.
 _WAIT, _LOST = 60.0, 5.0
@@ -77,7 +69,7 @@ def work_on(
     Processes that hang or are stopped send none.
     """
     waiting = iter(sources)
-    given = pickle.dumps((output, method, request))
+    given = pickle.dumps(_WorkOnOne(output, method, request))
     crew = [_Worker(core, given) for core in range(min(jobs, len(sources)))]
     try:
         for worker in crew:
@@ -94,7 +86,7 @@ def work_on(
             for worker in busy:
                 assert worker.source is not None
                 if worker.pipe in ready:
-                    event, problem = worker.receive(), _killed
+                    event, problem = worker.listen(), _killed
                 elif awake - worker.heard >= timeout:
                     event, problem = None, partial(_silent, timeout, worker.doing)
                 else:
@@ -128,110 +120,54 @@ def _silent(timeout: float, doing: str, source: Source, code: int | None) -> str
     )
 
 
-class _Worker:
+class _Worker(WorkerProcess):
     """A process and the recording that it works on."""
 
-    source: Source | None
-    heard: float
+    source: Source | None = None
+    heard: float = 0.0
     """When it last gave a sign of life."""
-    doing: str
+    doing: str = "starting"
     """Its last reported activity."""
-
-    def __init__(self, core: int, given: bytes):
-        context = get_context("spawn")
-        self.core, self.source = core, None
-        self.heard, self.doing = time.monotonic(), "starting"
-        self.pipe, theirs = context.Pipe()
-        # Only this process holds the other end, so the pipe closes when this process ends, even if it is killed.
-        alive, self._alive = context.Pipe(duplex=False)
-        self.process = context.Process(target=_work, args=(core, given, theirs, alive))
-        with _deaf():
-            self.process.start()
-        theirs.close()
-        alive.close()
 
     def begin(self, source: Source | None) -> None:
         """Give the process a recording, or None if there is none left."""
         self.source = source
         self.heard, self.doing = time.monotonic(), "starting"
         if source is not None:
-            try:
-                self.pipe.send(source)
-            except OSError:  # it is dead already; `receive` will report it
-                pass
+            self.give(source)
 
-    def receive(self) -> "Progress | Finished | _Sign | None":
+    def listen(self) -> "Progress | Finished | _Sign | None":
         """The next message of the process; None if it is dead."""
         try:
-            event = self.pipe.recv()
-        except (EOFError, OSError):
+            event = self.receive()
+        except EOFError:
             return None
         self.heard = time.monotonic()
         if isinstance(event, _Sign):
             self.doing = event.doing
         return event
 
-    def end(self) -> int | None:
-        """End the process and return its exit code."""
-        self.process.kill()
-        self.process.join(_TO_END)
-        self.pipe.close()
-        self._alive.close()
-        return self.process.exitcode
 
+@dataclass(frozen=True)
+class _WorkOnOne:
+    """What each process does with a recording."""
 
-@contextmanager
-def _deaf() -> Iterator[None]:
-    """Processes started in this context ignore signals from the start.
+    output: Path
+    method: Method
+    request: str
 
-    Terminals and schedulers send signals to all processes, but the parent process decides when its workers end.
-    """
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    resource_tracker.ensure_running()  # if it were started below, it would unblock the first two signals
-    numbers = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGUSR1", "SIGUSR2")]
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, numbers)
-    # Another thread may still receive a signal, and Python would handle it here, while a process is being started.
-    came: list[int] = []
-    handlers = {}
-    if threading.current_thread() is threading.main_thread():
-        handlers = {number: signal.getsignal(number) for number in numbers if callable(signal.getsignal(number))}
-    for number in handlers:
-        signal.signal(number, lambda number, _: came.append(number))
-    try:
-        yield
-    finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        for number in came:
-            signal.raise_signal(number)
+    def __call__(self, source: Source, send: Callable[["Progress | Finished | _Sign"], None]) -> None:
+        """Reconstruct the recording and send progress, signs of life, and the result."""
+        said, at = "", 0.0
 
+        def on_frames(done: int, total: int) -> None:
+            send(Progress(source, done, total))
 
-def _work(core: int, given: bytes, pipe: Connection, alive: Connection) -> None:
-    threading.Thread(target=_end_with, args=(alive,), daemon=True).start()
-    take_core(core)
-    output, method, request = pickle.loads(given)
-    while True:
-        source = pipe.recv()
-        said = {"doing": "", "at": 0.0}
-
-        def on_frames(done: int, total: int, source: Source = source) -> None:
-            pipe.send(Progress(source, done, total))
-
-        def on_sign(doing: str, said: dict[str, Any] = said) -> None:
+        def on_sign(doing: str) -> None:
+            nonlocal said, at
             now = time.monotonic()
-            if doing != said["doing"] or now > said["at"] + _BETWEEN_SIGNS:
-                said |= {"doing": doing, "at": now}
-                pipe.send(_Sign(doing))
+            if doing != said or now > at + _BETWEEN_SIGNS:
+                said, at = doing, now
+                send(_Sign(doing))
 
-        pipe.send(Finished(source, reconstruct_one(source, output, method, request, on_frames, on_sign)))
-
-
-def _end_with(alive: Any) -> None:
-    try:
-        alive.recv_bytes()
-    except (EOFError, OSError):
-        pass
-    os._exit(1)
+        send(Finished(source, reconstruct_one(source, self.output, self.method, self.request, on_frames, on_sign)))

@@ -24,8 +24,9 @@ from ..matching import estimate_stature
 from ..recording import Recording
 from ._observe_batch import Observation, label_graphs, look_at_outlines, observe_batch
 from ._prepare import prepare
+from ._prepared import Costs
 from ._settings import Settings
-from ._subject import OTHER_SIZES, Costs, Sight, find_subject
+from ._subject import OTHER_SIZES, Sight, find_subject, sight_of
 from ._subject import STAGES as SUBJECT_STAGES
 
 FRAMES = 60
@@ -150,7 +151,7 @@ def _look(recording: Recording, settings: Settings, template: Skeleton | None, f
         labelled = label_graphs(graphs, skeleton, settings)
         outlines = look_at_outlines(found._replace(labelled=labelled), prepared).outlines
         assert outlines is not None
-        parts.append(Sight(outlines.observed, labelled.limbs, labelled.facing, outlines.middles))
+        parts.append(sight_of(outlines, labelled))
     return skeleton, jax.tree.map(lambda *some: np.concatenate(some), *parts)
 
 

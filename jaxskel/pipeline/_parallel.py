@@ -1,17 +1,15 @@
 """Reconstructs a recording in several processes, each on its own core; the poses come in order."""
 
 import pickle
-from collections.abc import Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context
+from collections.abc import Callable, Iterator, Sequence
+from multiprocessing.connection import wait
 from typing import Any
 
 import equinox as eqx
 import numpy as np
 from jaxtyping import UInt8
 
-from .._runtime.cores import take_core
+from .._runtime.worker_processes import WorkerProcess
 from ..poses import Poses
 from ..recording import Recording
 from ..search import Track
@@ -45,18 +43,18 @@ def reconstruct_parallel(
         raise ValueError(f"{jobs} jobs: give at least one")
     settings = settings or Settings()
     prepared = prepared or prepare(recording, settings)
-    context = get_context("spawn")
-    cores = context.SimpleQueue()
-    for number in range(jobs):
-        cores.put(number)
-    given = pickle.dumps((recording[:0], prepared, settings))
+    work = pickle.dumps(_ReconstructBatch(recording[:0], prepared, settings))
+    stretches = _stretches(len(recording), jobs, settings)
+    crew = [WorkerProcess(core, work) for core in range(min(jobs, len(stretches)))]
     try:
-        with ProcessPoolExecutor(jobs, context, _begin, (cores, given)) as pool:
-            yield from _in_order(pool, recording, _stretches(len(recording), jobs, settings), 2 * jobs)
-    except BrokenProcessPool:
+        yield from _in_order(crew, recording, stretches)
+    except EOFError:
         raise MemoryError(
             f"one of {jobs} processes was killed, probably out of memory: each takes 1 to 2 GB; give fewer jobs"
         ) from None
+    finally:
+        for worker in crew:
+            worker.end()
 
 
 def _stretches(frames: int, jobs: int, settings: Settings) -> list[list[int]]:
@@ -68,45 +66,54 @@ def _stretches(frames: int, jobs: int, settings: Settings) -> list[list[int]]:
     return [starts[first : first + size] for first in range(0, len(starts), size)]
 
 
-def _in_order(pool: Executor, recording: Recording, stretches: list[list[int]], at_once: int) -> Iterator[Poses]:
-    """Work on some stretches at once, and yield the poses in order."""
+def _in_order(crew: Sequence[WorkerProcess], recording: Recording, stretches: list[list[int]]) -> Iterator[Poses]:
+    """Give each process a batch of a stretch at a time, and yield the poses in order."""
 
-    def submit(stretch: list[int], track: Track | None) -> Future:
-        return pool.submit(_batch, recording.silhouettes[stretch[0] : stretch[0] + BATCH], track)
+    def give(worker: WorkerProcess, track: Track | None) -> None:
+        start = at_work[worker][0]
+        worker.give((recording.silhouettes[start : start + BATCH], track))
 
     waiting = iter(stretches)
-    running: dict[Future, list[int]] = {}
+    at_work: dict[WorkerProcess, list[int]] = {}
     done: dict[int, Poses] = {}
     coming = 0
+    for worker, stretch in zip(crew, waiting, strict=False):
+        at_work[worker] = stretch
+        give(worker, None)
     while coming < len(recording):
-        # A limited number at once, otherwise silhouettes and poses would fill the memory.
-        while len(running) < at_once and (stretch := next(waiting, None)) is not None:
-            running[submit(stretch, None)] = stretch
-        finished, _ = wait(running, return_when=FIRST_COMPLETED)
-        for future in finished:
-            stretch = running.pop(future)
-            poses, track = future.result()
-            index = recording.frame_index[stretch[0] : stretch[0] + len(poses)]
-            done[stretch[0]] = eqx.tree_at(lambda p: p.frame_index, poses, index)
-            if len(stretch) > 1:
-                running[submit(stretch[1:], track)] = stretch[1:]
+        ready = wait([worker.pipe for worker in at_work])
+        for worker in [worker for worker in at_work if worker.pipe in ready]:
+            message = worker.receive()
+            if isinstance(message, Exception):
+                raise message
+            poses, track = message
+            start, *rest = at_work.pop(worker)
+            index = recording.frame_index[start : start + len(poses)]
+            done[start] = eqx.tree_at(lambda p: p.frame_index, poses, index)
+            # Batches of a stretch follow one another; the first of the next stretch starts without a track.
+            if stretch := rest or next(waiting, None):
+                at_work[worker] = stretch
+                give(worker, track if rest else None)
         while coming in done:
             poses = done.pop(coming)
             coming += len(poses)
             yield poses
 
 
-_given: tuple[Recording, Prepared, Settings]
-"""Data of a process, set once when it starts."""
+class _ReconstructBatch(eqx.Module):
+    """What each process does with a batch of frames."""
 
+    empty: Recording
+    """Cameras and facts of the recording, without frames."""
+    prepared: Prepared
+    settings: Settings
 
-def _begin(cores: Any, given: bytes) -> None:
-    """Take a core before JAX counts them, then unpack."""
-    global _given
-    take_core(cores.get())
-    _given = pickle.loads(given)
-
-
-def _batch(silhouettes: UInt8[np.ndarray, "frames cams h w8"], track: Track | None) -> tuple[Poses, Track | None]:
-    recording, prepared, settings = _given
-    return reconstruct_batch(silhouettes, recording, prepared, settings, track=track)
+    def __call__(
+        self, task: tuple[UInt8[np.ndarray, "frames cams h w8"], Track | None], send: Callable[[Any], None]
+    ) -> None:
+        """Reconstruct and send the poses and the track, or the exception."""
+        silhouettes, track = task
+        try:
+            send(reconstruct_batch(silhouettes, self.empty, self.prepared, self.settings, track=track))
+        except Exception as error:
+            send(error)

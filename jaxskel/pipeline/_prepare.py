@@ -14,7 +14,7 @@ from ..search import make_model
 from ._observe_batch import observe_batch
 from ._prepared import Prepared
 from ._settings import Settings
-from ._subject import OTHER_SIZES, Sight, find_subject
+from ._subject import OTHER_SIZES, find_subject, sight_of
 
 _SUBJECT_FRAMES = 24
 _STATURES = (0.8, 2.4)  # m
@@ -83,7 +83,7 @@ def _with_subject(prepared: Prepared, recorded: Silhouettes, settings: Settings,
         )  # fmt: skip
     if settings.search is None or found.outlines is None:
         return prepared
-    sight = Sight(found.outlines.observed, found.labelled.limbs, found.labelled.facing, found.outlines.middles)
+    sight = sight_of(found.outlines, found.labelled)
     known = prepared.skeleton_is_known
     prior, sizes = (flesh_prior(skeleton), ()) if known else (adults_prior(skeleton), OTHER_SIZES)
     subject = find_subject(skeleton, prior, sight, settings.search, sizes)

@@ -8,7 +8,15 @@ from ..body import Body, Skeleton
 from ..cameras import Cameras
 from ..hull import ProjectionTable
 from ..search import Model
-from ._subject import Costs
+
+
+class Costs(eqx.Module):
+    """Costs of correct poses of a subject in one recording, in the units of `volume_objective`."""
+
+    low: float
+    """The 10 % quantile over the frames."""
+    typical: float
+    """The median over the frames."""
 
 
 class Prepared(eqx.Module):

@@ -7,7 +7,6 @@ once, and both once more.
 from collections.abc import Callable
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -18,6 +17,8 @@ from ..body_calibration import bundle_adjust
 from ..matching import Limbs
 from ..refinement.terms import Observed
 from ..search import Hypotheses, Search, fit_poses, fit_scales, graphless_poses, make_model, solve_frames, start_poses
+from ._observe_batch import Labelled, Outlines
+from ._prepared import Costs
 
 STAGES = ("searching", "adjusting", "searching again", "adjusting again", "judging")
 """What `find_subject` does, one after the other."""
@@ -51,13 +52,9 @@ class Sight(NamedTuple):
     middles: Float[np.ndarray, "frames 3"]
 
 
-class Costs(eqx.Module):
-    """Costs of correct poses of a subject in one recording, in the units of `volume_objective`."""
-
-    low: float
-    """The 10 % quantile over the frames."""
-    typical: float
-    """The median over the frames."""
+def sight_of(outlines: Outlines, labelled: Labelled) -> Sight:
+    """What frames show, from their outlines and their labelled graphs."""
+    return Sight(outlines.observed, labelled.limbs, labelled.facing, outlines.middles)
 
 
 class Subject(NamedTuple):

@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from ..body import Skeleton
 from .parametrisations import Parametrisation
+from .solvers import NormalEquations
 from .terms import Objective, Observed
 
 # Added to the normal matrix: absolute, for unknowns that nothing observes, and a share of its diagonal, against
@@ -39,11 +40,10 @@ def joint_covariance(
         kept = parametrisation.constraint_residuals(parametrisation.retract(unknowns, base, skeleton), skeleton)
         return objective.residuals(body, observed, fixed) | kept, body.joints
 
-    count = len(start)
-    _, slope = jax.linearize(varied, start)
-    rows, moved = jax.vmap(slope, out_axes=-1)(jnp.eye(count, dtype=start.dtype))
-    flat = [row.reshape(-1, count) for row in rows.values()]
-    matrix = sum((row.T @ row for row in flat), jnp.zeros((count, count), start.dtype))
-    damped = matrix + jnp.diag(_UNSEEN + _RELATIVE * jnp.diagonal(matrix))
-    spread = jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(damped, lower=True), moved.reshape(-1, count).T)
-    return jnp.einsum("jau,ujb->jab", moved, spread.reshape(count, *moved.shape[:2]))
+    (residuals, _), slope = jax.linearize(varied, start)
+    equations = NormalEquations.of(start, residuals, lambda change: slope(change)[0])
+    moved = jax.vmap(lambda change: slope(change)[1], out_axes=-1)(jnp.eye(len(start), dtype=start.dtype))
+    damped = equations.matrix + jnp.diag(_UNSEEN + _RELATIVE * jnp.diagonal(equations.matrix))
+    factor = jax.scipy.linalg.cho_factor(damped, lower=True)
+    spread = jax.scipy.linalg.cho_solve(factor, moved.reshape(-1, len(start)).T)
+    return jnp.einsum("jau,ujb->jab", moved, spread.reshape(len(start), *moved.shape[:2]))

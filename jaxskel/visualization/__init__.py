@@ -4,11 +4,13 @@ In: a recording and its results. Out: images. `figures` and `plots` need Matplot
 `report` and `viewer` are subpackages.
 """
 
-from ._overlays import LEFT as LEFT
-from ._overlays import MIDDLE as MIDDLE
-from ._overlays import RIGHT as RIGHT
 from ._overlays import draw_box as draw_box
 from ._overlays import draw_hull as draw_hull
 from ._overlays import draw_silhouette as draw_silhouette
 from ._overlays import draw_skeleton as draw_skeleton
 from ._overlays import tile as tile
+from ._skeleton_style import BONES as BONES
+from ._skeleton_style import COLOURS as COLOURS
+from ._skeleton_style import LEFT as LEFT
+from ._skeleton_style import POINT_NAMES as POINT_NAMES
+from ._skeleton_style import RIGHT as RIGHT

@@ -7,15 +7,14 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from .._runtime.picture_files import write_image as write_image
-from ..body import JOINT_NAMES, JOINT_PARENTS
 from ..cameras import Cameras, project
 from ..hull import VoxelGrid
+from ._skeleton_style import COLOURS, JOINT_BONES
 
 Image = UInt8[np.ndarray, "h w 3"]
 
-# Colours in OpenCV's order, BGR. Left is red, right is blue.
-BACKGROUND, PERSON = (40, 36, 34), (200, 200, 200)
-LEFT, RIGHT, MIDDLE, HULL, BOX = (60, 60, 230), (230, 120, 40), (60, 170, 60), (80, 200, 250), (200, 140, 230)
+# Colours in OpenCV's order: blue, green, red.
+BACKGROUND, PERSON, HULL, BOX = (40, 36, 34), (200, 200, 200), (80, 200, 250), (200, 140, 230)
 
 
 def draw_silhouette(mask: Bool[np.ndarray, "h w"]) -> Image:
@@ -34,12 +33,11 @@ def draw_skeleton(image: Image, cameras: Cameras, view: int, joints: Float[np.nd
         return
     u, v, _ = (np.asarray(a[0]) for a in project(cameras[[view]], np.asarray(joints, np.float64)))
     thickness = max(1, image.shape[0] // 160)
-    for joint, parent in enumerate(JOINT_PARENTS):
-        if parent >= 0 and np.isfinite([u[joint], v[joint], u[parent], v[parent]]).all():
-            side = JOINT_NAMES[joint][:2]
-            colour = LEFT if side == "l_" else RIGHT if side == "r_" else MIDDLE
-            _line(image, (u[joint], v[joint]), (u[parent], v[parent]), colour, thickness)
-    for joint in range(len(JOINT_PARENTS)):
+    for joint, parent in JOINT_BONES.tolist():
+        if np.isfinite([u[joint], v[joint], u[parent], v[parent]]).all():
+            red, green, blue = COLOURS[joint].tolist()
+            _line(image, (u[joint], v[joint]), (u[parent], v[parent]), (blue, green, red), thickness)
+    for joint in range(len(joints)):
         if np.isfinite([u[joint], v[joint]]).all():
             cv2.circle(image, (round(u[joint]), round(v[joint])), thickness + 1, (255, 255, 255), -1, cv2.LINE_AA)
 

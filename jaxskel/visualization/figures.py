@@ -8,7 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from .._runtime.picture_files import write_figure
-from ..body import JOINT_NAMES, JOINT_PARENTS
+from ..body import JOINT_NAMES
 from ..graph import SkeletalGraph
 from ..hull import VisualHulls
 from ..matching import Limbs
@@ -16,13 +16,14 @@ from ..pipeline import Prepared, Settings, observe_batch, reconstruct_batch
 from ..poses import Poses
 from ..recording import Recording, unpack_silhouettes
 from ._overlays import draw_silhouette, tile
+from ._skeleton_style import COLOURS, JOINT_BONES, LEFT, MIDDLE, RIGHT
 
 # The vector from right to left of these joints points to the person's left. 25 degrees off the front shows depth and
 # hides no limb.
 _ACROSS = ("hip", "shoulder")
 _ASIDE = 25.0
-_COLOURS = {"l_": "#d9342b", "r_": "#2b6cd9", "": "#2e8b40"}
 _LABELS = ("head", "left hand", "right hand", "left foot", "right foot")
+_LABEL_COLOURS = np.array([MIDDLE, LEFT, RIGHT, LEFT, RIGHT]) / 255
 
 
 class Stages(eqx.Module):
@@ -117,16 +118,13 @@ def _draw(axes, stage: int, stages: Stages) -> None:
     if stage == 1:
         axes.scatter(*graph.positions[graph.end_nodes].T, color="#e08a00", s=14, depthshade=False, zorder=3)
     if stage == 2:
-        colours = ("#2e8b40", "#d9342b", "#2b6cd9", "#d9342b", "#2b6cd9")
-        for label, end, colour in zip(_LABELS, stages.limbs.ends[0], colours, strict=True):
+        for label, end, colour in zip(_LABELS, stages.limbs.ends[0], _LABEL_COLOURS, strict=True):
             axes.scatter(*end, color=colour, s=30, depthshade=False, zorder=3)
             axes.text(*end, f" {label}", fontsize=8, zorder=4)
         for name, node in (("neck", stages.limbs.neck[0]), ("pelvis", stages.limbs.pelvis[0])):
-            axes.scatter(*node, color="#2e8b40", s=30, depthshade=False, zorder=3)
+            axes.scatter(*node, color=_LABEL_COLOURS[0], s=30, depthshade=False, zorder=3)
             axes.text(*node, f" {name}", fontsize=8, zorder=4)
     if stage == 3 and np.isfinite(stages.joints).all():
-        for joint, parent in enumerate(JOINT_PARENTS):
-            if parent >= 0:
-                side = JOINT_NAMES[joint][:2] if JOINT_NAMES[joint][1] == "_" else ""
-                axes.plot(*stages.joints[[joint, parent]].T, color=_COLOURS[side], lw=3, zorder=2)
+        for joint, parent in JOINT_BONES:
+            axes.plot(*stages.joints[[joint, parent]].T, color=COLOURS[joint] / 255, lw=3, zorder=2)
         axes.scatter(*stages.joints.T, color="black", s=10, depthshade=False, zorder=3)

@@ -16,9 +16,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jaxskel import paper_settings
+from jaxskel._runtime.worker_processes import signals_ignored
 from jaxskel.batch import Finished, Method, Outcome, Progress, Source, read_results
 from jaxskel.batch._manifest import read_manifest
-from jaxskel.batch._workers import _deaf, work_on
+from jaxskel.batch._workers import work_on
 from jaxskel.io.poses import read_poses
 from jaxskel.io.recordings import write_recording
 from jaxskel.synthetic import camera_ring, make_scene
@@ -142,7 +143,7 @@ def test_a_signal_that_another_thread_takes_waits_for_the_start_of_a_process():
     other.start()
 
     def start() -> None:
-        with _deaf():
+        with signals_ignored():
             go.set()
             other.join()
             over.append(True)
@@ -154,9 +155,9 @@ def test_a_signal_that_another_thread_takes_waits_for_the_start_of_a_process():
 
 DEAF = """
 import os, pickle, signal
-from jaxskel.batch._workers import _Worker
+from jaxskel._runtime.worker_processes import WorkerProcess
 
-workers = [_Worker(core, pickle.dumps(None)) for core in range(2)]
+workers = [WorkerProcess(core, pickle.dumps(print)) for core in range(2)]
 for worker in workers:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         os.kill(worker.process.pid, number)

@@ -25,8 +25,7 @@ class Worker(workers._Worker):
     made = 0
 
     def __init__(self, core: int, given: bytes):
-        self.core, self.source = core, None
-        self.heard, self.doing = time.monotonic(), "starting"
+        self.core = core
         self.pipe, self.theirs = Pipe()
         Worker.made += 1
 
@@ -75,8 +74,8 @@ def test_every_sign_starts_the_time_anew(sources, tmp_path):
     signs = []
 
     class Slow(Worker):
-        def receive(self) -> Progress | Finished | workers._Sign | None:
-            event = super().receive()
+        def listen(self) -> Progress | Finished | workers._Sign | None:
+            event = super().listen()
             if len(signs) < 10:
                 time.sleep(TIMEOUT / 2)
                 signs.append(time.monotonic())

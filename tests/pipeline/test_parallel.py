@@ -1,10 +1,12 @@
 """Several processes: the same poses, in order, whatever finishes first."""
 
 import os
+import pickle
 import subprocess
 import sys
+import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
+from multiprocessing import Pipe
 
 import numpy as np
 import pytest
@@ -19,6 +21,7 @@ from jaxskel import (
     reconstruct_batches,
     reconstruct_parallel,
 )
+from jaxskel._runtime.worker_processes import WorkerProcess
 from jaxskel.pipeline import _parallel as parallel
 from jaxskel.search import Track
 from jaxskel.synthetic import camera_ring, make_scene
@@ -47,6 +50,52 @@ def test_frames_that_are_followed_stay_together():
     assert parallel._stretches(10, 8, tracked) == [[0]]
 
 
+class WorkerThread(WorkerProcess):
+    """A worker that is a thread of this process, so that its work can be replaced."""
+
+    def __init__(self, core: int, work: bytes):
+        self.pipe, self.theirs = Pipe()
+        call = pickle.loads(work)
+        self.thread = threading.Thread(target=self.run, args=(call,))
+        self.thread.start()
+
+    def run(self, call) -> None:
+        while (task := self.theirs.recv()) is not None:
+            call(task, self.theirs.send)
+
+    def give(self, task) -> None:
+        self.pipe.send(task)
+
+    def receive(self):
+        return self.pipe.recv()
+
+    def end(self) -> None:
+        self.give(None)
+        self.thread.join()
+
+
+def test_an_exception_of_a_process_is_raised_here(monkeypatch):
+    def broken(*_, **__):
+        raise ValueError("camera 2: no silhouettes")
+
+    monkeypatch.setattr(parallel, "reconstruct_batch", broken)
+    monkeypatch.setattr(parallel, "WorkerProcess", WorkerThread)
+    scene = make_scene(4, cameras=camera_ring(4, size=(160, 120)))
+    with pytest.raises(ValueError, match="camera 2: no silhouettes"):
+        list(reconstruct_parallel(scene, 2, paper_settings()))
+
+
+def test_a_killed_process_is_told(monkeypatch):
+    class Killed(WorkerProcess):
+        def give(self, task) -> None:
+            self.process.kill()
+
+    monkeypatch.setattr(parallel, "WorkerProcess", Killed)
+    scene = make_scene(4, cameras=camera_ring(4, size=(160, 120)))
+    with pytest.raises(MemoryError, match="one of 2 processes was killed, probably out of memory"):
+        list(reconstruct_parallel(scene, 2, paper_settings()))
+
+
 def test_batches_come_in_order_and_tracks_are_handed_on(monkeypatch):
     scene = make_scene(200, cameras=camera_ring(4, size=(160, 120)))
     first = {scene.silhouettes[start].tobytes(): start for start in range(0, 200, 32)}
@@ -56,7 +105,7 @@ def test_batches_come_in_order_and_tracks_are_handed_on(monkeypatch):
     def at(start: int) -> Track:
         return Track(somewhere, somewhere, start, np.zeros(1))
 
-    def batch(silhouettes, track):
+    def batch(silhouettes, recording, prepared, settings, track):
         start = first[silhouettes[0].tobytes()]
         time.sleep(0.02 if start < 64 else 0.0)  # the first batches finish last
         followed.append((track and track.since, start))
@@ -65,10 +114,10 @@ def test_batches_come_in_order_and_tracks_are_handed_on(monkeypatch):
         trust = np.zeros((count, 15), np.float32), np.full(count, 0.5, np.float32)
         return Poses(*empty, None, None, *trust, np.full(count, start), 30.0, "+Z", np.arange(count)), at(start)
 
-    monkeypatch.setattr(parallel, "_batch", batch)
-    stretches = [[0, 32], [64, 96], [128], [160, 192]]
-    with ThreadPoolExecutor(2) as pool:
-        found = list(parallel._in_order(pool, scene, stretches, 3))
+    monkeypatch.setattr(parallel, "reconstruct_batch", batch)
+    monkeypatch.setattr(parallel, "WorkerProcess", WorkerThread)
+    monkeypatch.setattr(parallel, "_stretches", lambda *_: [[0, 32], [64, 96], [128], [160, 192]])
+    found = list(reconstruct_parallel(scene, 2, paper_settings()))
     assert [int(poses.status[0]) for poses in found] == [0, 32, 64, 96, 128, 160, 192]
     np.testing.assert_array_equal(np.concatenate([poses.frame_index for poses in found]), scene.frame_index)
     assert sorted(followed, key=lambda pair: pair[1]) == [
@@ -80,7 +129,7 @@ def test_batches_come_in_order_and_tracks_are_handed_on(monkeypatch):
 def test_all_threads_of_a_process_keep_to_its_core():
     code = (
         "import os, jaxskel, jax.numpy as jnp\n"
-        "from jaxskel.pipeline._parallel import take_core\n"
+        "from jaxskel._runtime.cores import take_core\n"
         "def jax_has_begun():\n"
         "    names = [open(f'/proc/self/task/{thread}/comm').read() for thread in os.listdir('/proc/self/task')]\n"
         "    return any('XLA' in name for name in names)\n"

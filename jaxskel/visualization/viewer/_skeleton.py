@@ -1,25 +1,13 @@
 """Draws the skeleton of the poses: joints and tips, bones between them, colours by side."""
 
 import numpy as np
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Float
 
-from ...body import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES, TIP_PARENTS
+from ...body import TIP_PARENTS
 from ...poses import Poses
-from .. import LEFT, MIDDLE, RIGHT
+from .. import BONES, COLOURS, POINT_NAMES
 from ._rerun import rr
 
-POINT_NAMES = JOINT_NAMES + TIP_NAMES
-BONES: Int[np.ndarray, "bones=19 2"] = np.stack(
-    [np.arange(1, len(POINT_NAMES)), np.array(JOINT_PARENTS[1:] + TIP_PARENTS)], axis=1
-)
-"""Points at the ends of each bone, its own point first."""
-
-_SIDES = {"l_": LEFT, "r_": RIGHT}
-# The colours of the drawings are in OpenCV's order, BGR.
-COLOURS: UInt8[np.ndarray, "points=20 3"] = np.array(
-    [_SIDES.get(name[:2], MIDDLE)[::-1] for name in POINT_NAMES], np.uint8
-)
-"""Colour of each point: left red, right blue, the middle green."""
 BONE_COLOURS = COLOURS[BONES[:, 0]]
 
 # Radii of a joint and of a bone at full confidence (m): thinner than a wrist, so that the hull around them shows.

@@ -6,9 +6,9 @@ from jaxtyping import Float, Int, UInt8
 
 from ...cameras import Cameras, project
 from ...recording import unpack_silhouettes
-from .. import draw_silhouette
+from .. import BONES, draw_silhouette
 from ._rerun import rr
-from ._skeleton import BONE_COLOURS, BONES
+from ._skeleton import BONE_COLOURS
 
 LONG_SIDE = 640
 """Longer side of a view, at most (px), so that minutes of silhouettes fit into the viewer's memory."""
