@@ -4,3 +4,4 @@ In: a prior, start poses and outlines of some frames. Out: a `Shape`, its covari
 """
 
 from ._bundle_adjustment import bundle_adjust as bundle_adjust
+from ._clothing import dressed as dressed

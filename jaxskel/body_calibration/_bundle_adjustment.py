@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._runtime.batching import single_precision
 from .._runtime.compile_cache import cached_jit
-from ..body import LENGTH_NAMES, LINKS, Body, Pose, Prior, Shape, Skeleton, ball_centres, shaped_body
+from ..body import FLESH_FROM, LENGTH_NAMES, LINKS, Body, Pose, Prior, Shape, Skeleton, ball_centres, shaped_body
 from ..refinement.parametrisations import HingedLimbs
 from ..refinement.terms import (
     CapsuleTerm,
@@ -26,6 +26,7 @@ from ..refinement.terms import (
     volume_objective,
 )
 from ..search import DAMPING, RELATIVE_DAMPING
+from ._clothing import Clothing
 from ._shape_quadrics import contour_quadrics, inside_quadrics
 
 _HINGED = HingedLimbs()
@@ -38,7 +39,10 @@ _CONTOURS = _MEASUREMENTS / _DEVIATION**2
 # Same ratio to the weight of the contours as in `volume_objective`.
 _INSIDE = _CONTOURS * 7e4 / 1.2e5
 # Robust scale (m) of ray distances, for both signs: a body too fat is as wrong as one too thin.
-_SCALE = 0.018
+SCALE = np.float32(0.018)
+# In the first steps the scale (m) is wider and narrows by this factor, so that thick clothes attract the body. Until it
+# is this narrow the lengths stay, because wide clothes would also be explained by a larger body.
+_FIRST_SCALE, _NARROWING, _LENGTHS_FROM = 0.12, 0.8, 0.05
 # Factor on the rest prior: it helps where nothing is observed, but biases all lengths in the same direction.
 _REST = 0.3
 # Standard deviation of known joints from a chain of rigid bones (m).
@@ -59,6 +63,8 @@ class Adjusted(NamedTuple):
     """Covariance of the logarithms of the lengths."""
     change: float
     """Largest change of a length in the last step, as a share of the length."""
+    clothes: float
+    """Root mean square of what clothes add to the radii of the body (m)."""
 
 
 class Linear(eqx.Module):
@@ -100,11 +106,15 @@ def bundle_adjust(
     """
     template = single_precision(template)
     known = None if joints is None else jnp.asarray(joints, jnp.float32)
-    adjusted = Adjusted(shape, poses, np.diag(np.full(len(LENGTH_NAMES), np.inf)), np.inf)
-    frames = np.flatnonzero(used)
-    for _ in range(steps):
-        adjusted = _step(template, prior, adjusted, observed, frames, known)
-        if adjusted.change < tolerance:
+    adjusted = Adjusted(shape, poses, np.diag(np.full(len(LENGTH_NAMES), np.inf)), np.inf, 0.0)
+    frames, clothing = np.flatnonzero(used), Clothing()
+    for scale in np.maximum(SCALE, _FIRST_SCALE * _NARROWING ** np.arange(steps)).astype(np.float32):
+        adjusted = _step(
+            template, Prior(prior.mean, clothing.precision(prior)), adjusted, observed, frames, known, scale
+        )
+        clothing = clothing.given(prior, adjusted.shape.vector)
+        adjusted = adjusted._replace(clothes=clothing.thickness)
+        if adjusted.change < tolerance and scale == SCALE:
             break
     return adjusted
 
@@ -116,9 +126,10 @@ def _step(
     observed: Observed,
     frames: Int[np.ndarray, " used"],
     joints: Float[Array, "stack joints=15 3"] | None,
+    scale: np.float32,
 ) -> Adjusted:
     start = single_precision(before.shape)
-    linear = linearised(template, start, before.poses, observed, joints)
+    linear = linearised(template, start, before.poses, observed, joints, scale)
     linear = jax.tree.map(lambda a: np.asarray(a, np.float64), linear)
     vector, count = before.shape.vector, len(before.shape.vector)
     matrix, pull = np.zeros((count, count)), np.zeros(count)
@@ -133,7 +144,11 @@ def _step(
         solved.append(both)
     whole = matrix + prior.precision
     damped = whole + np.diag(RELATIVE_DAMPING * np.diagonal(whole))
-    change = np.linalg.solve(damped, pull - prior.precision @ (vector - prior.mean.vector))
+    free = np.arange(0 if scale < _LENGTHS_FROM else FLESH_FROM, count)
+    change = np.zeros(count)
+    change[free] = np.linalg.solve(
+        damped[np.ix_(free, free)], (pull - prior.precision @ (vector - prior.mean.vector))[free]
+    )
     reach = np.concatenate([np.full(len(LENGTH_NAMES) + 2, _LENGTH_REACH), np.full(count - 13, _BALL_REACH)])
     change = np.clip(change, -reach, reach)
     turns = np.zeros((len(before.poses.root), _POSE), np.float32)
@@ -143,7 +158,7 @@ def _step(
     of_lengths = slice(len(LENGTH_NAMES))
     covariance = np.linalg.inv(matrix / _ALIKE + prior.precision)[of_lengths, of_lengths]
     # The tips' lengths are ignored here: they affect little else, and converge last.
-    return Adjusted(Shape.of(vector + change), poses, covariance, float(np.abs(change[:8]).max()))
+    return Adjusted(Shape.of(vector + change), poses, covariance, float(np.abs(change[:8]).max()), before.clothes)
 
 
 def normal_equations(
@@ -163,22 +178,28 @@ def linearised(
     poses: Pose,
     stack: Observed,
     joints: Float[Array, "stack joints=15 3"] | None = None,
+    scale: Float[Array, ""] | np.float32 = SCALE,
 ) -> Linear:
     """Linearise the frames of a stack that have poses, one by one; known joints add residuals."""
 
     def one(given: tuple[Pose, Int[Array, ""], Float[Array, "joints=15 3"] | None]) -> Linear:
         pose, frame, known = given
-        return _linearised(template, shape, pose, stack.of(frame), known)
+        return _linearised(template, shape, pose, stack.of(frame), known, scale)
 
     return jax.lax.map(one, (poses, jnp.arange(len(poses.root), dtype=jnp.int32), joints))
 
 
 def _linearised(
-    template: Skeleton, shape: Shape, pose: Pose, observed: Observed, joints: Float[Array, "joints=15 3"] | None
+    template: Skeleton,
+    shape: Shape,
+    pose: Pose,
+    observed: Observed,
+    joints: Float[Array, "joints=15 3"] | None,
+    scale: Float[Array, ""] | np.float32,
 ) -> Linear:
     body = shaped_body(template, shape)
     placed = place(body.skeleton, pose)
-    contours = ContourContact(body=body, weight=_CONTOURS, scale=_SCALE, inner=1.0)
+    contours = ContourContact(body=body, weight=_CONTOURS, scale=scale, inner=1.0)
     inside = InsideSilhouettes(body=body, weight=_INSIDE)
     quadrics = contour_quadrics(contours, placed, observed) + inside_quadrics(inside, placed, observed)
     fixed = _others(body).correspond(placed, observed)

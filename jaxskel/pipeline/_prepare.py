@@ -89,10 +89,10 @@ def _with_subject(prepared: Prepared, recorded: Silhouettes, settings: Settings,
     subject = find_subject(skeleton, prior, sight, settings.search, sizes)
     if known:  # exactly as given, not rounded
         body = eqx.tree_at(lambda b: b.skeleton, subject.body, skeleton)
-        return replace(prepared, body=body, costs=subject.costs)
+        return replace(prepared, body=body, costs=subject.costs, clothes=subject.clothes)
     return replace(
         prepared, skeleton=subject.body.skeleton, body=subject.body, costs=subject.costs,
-        stature_deviation=subject.stature_deviation,
+        stature_deviation=subject.stature_deviation, clothes=subject.clothes,
     )  # fmt: skip
 
 

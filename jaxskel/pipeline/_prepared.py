@@ -41,5 +41,7 @@ class Prepared(eqx.Module):
     """Typical cost of a pose of this subject; None if the body is not calibrated."""
     stature_deviation: float | None = None
     """Standard deviation of the skeleton's stature (m); None where it was given or is a guess."""
+    clothes: float = 0.0
+    """Root mean square thickness of what the subject wears (m), as far as the calibration of its body found it."""
     model: Model | None = None
     """The body prepared for the search; None without a search."""

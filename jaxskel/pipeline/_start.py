@@ -142,7 +142,9 @@ def _by_search(
         joints = _joints(hypotheses, prepared.skeleton)
 
     def uncertainty(refined: Refined) -> Uncertainty:
-        return searched_uncertainty(joints, hypotheses.cost, np.asarray(refined.covariance), unusual, unexplained)
+        return searched_uncertainty(
+            joints, hypotheses.cost, np.asarray(refined.covariance), unusual, unexplained, prepared.clothes
+        )
 
     return Start(hypotheses.best, observed, unexplained < NOT_THE_SUBJECT, sides, uncertainty), track
 

@@ -21,6 +21,8 @@ _UNSEEN, _POWER = 0.05, 6
 _RIVAL_COST, _EXCESS_COST = 0.7, 5.0
 # Doublings of the deviations at most by a high cost, and by outlines that something other than the subject causes.
 _DOUBLINGS, _UNEXPLAINED = 5.0, 4.0
+# Thickness of clothes (m) that makes the variance of joints twice that of naked people, and costs tell half as much.
+_CLOTHES = 0.015
 # Joints closer than this are in the same place (m), as in the paper's Table 1.
 SAME_PLACE = 0.1
 _SHARE_OF_JOINT = np.array([_SHARES[name.removeprefix("l_").removeprefix("r_")] for name in JOINT_NAMES])
@@ -41,6 +43,7 @@ def searched_uncertainty(
     covariance: Float[np.ndarray, "frames joints=15 3 3"],
     cost_threshold: float,
     unexplained: Float[np.ndarray, " frames"],
+    clothes: float = 0.0,
 ) -> Uncertainty:
     """Uncertainty of the cheapest hypothesis: its own, and that of choosing it among its rivals.
 
@@ -50,13 +53,15 @@ def searched_uncertainty(
         covariance: Covariances from the normal equations, see `joint_covariance`.
         cost_threshold: Cost that few frames of this subject exceed, see `cost_threshold` in `_search`.
         unexplained: Share of the outlines that the pose leaves unexplained.
+        clothes: Root mean square thickness of what the subject wears (m).
     """
     raw = np.sqrt(np.trace(covariance, axis1=-2, axis2=-1) / 3)
+    loose = np.hypot(1.0, clothes / _CLOTHES)
     doublings = np.clip((cost[:, 0] - cost_threshold) / _EXCESS_COST, 0.0, _DOUBLINGS)
     doublings += _UNEXPLAINED * (1 - trust_in_explained(unexplained))
-    wider = _SHARE_OF_JOINT * (1 + (raw / _UNSEEN) ** _POWER) * 2 ** doublings[:, None]
+    wider = loose * _SHARE_OF_JOINT * (1 + (raw / _UNSEEN) ** _POWER) * 2 ** doublings[:, None]
     own = covariance * (wider**2)[..., None, None]
-    weight = np.exp(-np.clip(cost - cost[:, :1], -50.0, None) / _RIVAL_COST)
+    weight = np.exp(-np.clip(cost - cost[:, :1], -50.0, None) / (_RIVAL_COST * loose**2))
     weight = (weight / weight.sum(1, keepdims=True))[..., None]
     away = joints - joints[:, :1]
     between = np.einsum("fkj,fkja,fkjb->fjab", np.broadcast_to(weight, away.shape[:3]), away, away)

@@ -71,7 +71,8 @@ def test_the_body_explains_the_outlines(found):
 
 
 def test_stages_are_told_in_order(found, stages):
-    assert tuple(stages) == STAGES
+    # Searches and adjustments take turns until nothing changes any more.
+    assert tuple(dict.fromkeys(stages)) == STAGES
 
 
 def test_a_subjects_file_keeps_lengths_and_body(found, tmp_path):

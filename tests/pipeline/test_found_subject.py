@@ -1,11 +1,13 @@
 """A subject's flesh around a known skeleton, found from silhouettes."""
 
+from dataclasses import replace
+
 import jax
 import numpy as np
 import pytest
 from support.capsule_films import ADULT, BODY, some
 
-from jaxskel import HullSettings, Recording, Settings, default_adult, make_body, prepare
+from jaxskel import HullSettings, Prepared, Recording, Settings, default_adult, make_body, prepare
 from jaxskel.body import BALL_NAMES, Body, flesh_prior, lengths_of, measured_body, place_body
 from jaxskel.synthetic import camera_ring, demo_motion, render
 
@@ -47,6 +49,24 @@ def test_left_mirrors_right(stout_and_found):
         np.testing.assert_allclose(found.radii[other], found.radii[ball], atol=1e-6)
         if other != ball:
             np.testing.assert_allclose(found.offsets[other], found.offsets[ball] * [1, -1, 1], atol=1e-5)
+
+
+@pytest.fixture(scope="module")
+def in_thick_clothes() -> Prepared:
+    """What `prepare` finds of an unknown adult, whose trunk and limbs are 4 cm thicker than they should be."""
+    parts = ("chest", "waist", "seat", "girdle", "shoulder", "elbow", "forearm", "hip", "knee", "calf")
+    worn = np.array([name.removeprefix("l_").removeprefix("r_") in parts for name in BALL_NAMES])
+    clothed = Body(ADULT, BODY.segments, BODY.offsets, np.asarray(BODY.radii) + np.where(worn, 0.04, 0.0), BODY.links)
+    recording = replace(film(clothed), skeleton=None)
+    return prepare(recording, Settings(hull=HullSettings(max_misses=0)))
+
+
+def test_thick_clothes_do_not_make_a_person_tall(in_thick_clothes):
+    assert in_thick_clothes.skeleton.stature == pytest.approx(ADULT.stature, rel=0.03)
+
+
+def test_it_is_told_that_something_is_worn(in_thick_clothes):
+    assert 0.02 < in_thick_clothes.clothes < 0.06
 
 
 def test_the_prior_of_flesh_keeps_lengths_and_grows_with_the_body():

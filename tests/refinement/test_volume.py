@@ -16,6 +16,7 @@ from jaxskel.refinement.terms import (
     ContourContact,
     HingeLimits,
     InsideSilhouettes,
+    ShoulderLimits,
     place,
     volume_objective,
 )
@@ -39,6 +40,7 @@ TERMS = {
     "silhouettes": (InsideSilhouettes(body=BODY), 0.003, turned("l_upper_arm", "x", 40)),
     "collision": (ArmCollision(body=BODY), 0.001, turned("l_forearm", "x", -75)),
     "hinges": (HingeLimits(skeleton=ADULT), 1e-6, turned("l_shank", "y", -60)),
+    "shoulders": (ShoulderLimits(skeleton=ADULT), 1e-6, turned("l_upper_arm", "y", 70)),
 }
 
 

@@ -104,3 +104,12 @@ def test_unexplained_outlines_lower_the_confidence_to_zero():
     between = trust[(shares > 0.125) & (shares < NOT_THE_SUBJECT)]
     assert (np.diff(between) < 0).all()
     assert trust_in_explained(np.array([(0.125 + NOT_THE_SUBJECT) / 2]))[0] == pytest.approx(0.5)
+
+
+def test_clothes_widen_all_joints_and_bring_rivals_nearer():
+    joints, costs = hypotheses(True), np.array([[5.0, 6.0]])
+    naked, clothed = (searched_uncertainty(joints, costs, SEEN, USUAL, np.zeros(1), clothes) for clothes in (0.0, 0.03))
+    # Twice the thickness that doubles the variance: five times the variance.
+    alone = np.delete(np.arange(15), 5)
+    np.testing.assert_allclose(clothed.covariance[0, alone, 1, 1], 5 * naked.covariance[0, alone, 1, 1], rtol=1e-5)
+    assert clothed.confidence[0, 5] < naked.confidence[0, 5] - 0.1

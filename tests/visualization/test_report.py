@@ -3,6 +3,7 @@
 import io
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
+from importlib.resources import files
 from unittest.mock import patch
 
 import equinox as eqx
@@ -19,6 +20,7 @@ from jaxskel.io.poses import write_poses
 from jaxskel.io.recordings import write_recording
 from jaxskel.poses import LIMBS, STATUS_NAMES
 from jaxskel.recording import rotation_to_z_up
+from jaxskel.visualization import LEFT, RIGHT
 from jaxskel.visualization.report import write_report
 from jaxskel.visualization.report._outlines import UNITS
 
@@ -197,3 +199,9 @@ def test_the_command(recording, poses, tmp_path, monkeypatch):
         said = out.getvalue() if code == 0 else err.getvalue().splitlines()[-1]
         assert said.startswith(line)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["out", "poses.csv", "poses.npz", "scene.npz"]
+
+
+def test_the_page_has_the_colours_of_the_other_pictures():
+    style = files("jaxskel.visualization.report").joinpath("style.css").read_text(encoding="utf-8")
+    for name, colour in (("left", LEFT), ("right", RIGHT)):
+        assert f"--{name}: #{bytes(colour).hex()};" in style

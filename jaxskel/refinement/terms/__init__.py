@@ -27,5 +27,6 @@ from ._pose_prior import pose_prior as pose_prior
 from ._quadrics import CapsuleTerm as CapsuleTerm
 from ._rest_prior import RestPrior as RestPrior
 from ._rest_prior import firmness as firmness
+from ._shoulder_limits import ShoulderLimits as ShoulderLimits
 from ._smoothness import Smoothness as Smoothness
 from ._symmetry import Symmetry as Symmetry

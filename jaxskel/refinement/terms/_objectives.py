@@ -10,6 +10,7 @@ from ._hinges import HingeLimits
 from ._inner_nodes import InnerNodeAttraction
 from ._inside_silhouettes import InsideSilhouettes
 from ._rest_prior import RestPrior, firmness
+from ._shoulder_limits import ShoulderLimits
 
 
 def paper_objective() -> Objective:
@@ -29,7 +30,7 @@ def paper_objective() -> Objective:
 
 
 def volume_objective(body: Body) -> Objective:
-    """Fit a body with volume to the silhouettes: it touches their outlines, stays inside, and respects hinge limits.
+    """Fit a body with volume to the silhouettes: touch their outlines, stay inside, respect the limits of joints.
 
     Needs ``observed.contours`` and ``observed.silhouettes`` but no labels of the graph, so each limb of the start pose
     must be nearer to its own part of the outlines than to another. Weights are scaled so that a well explained frame
@@ -42,6 +43,7 @@ def volume_objective(body: Body) -> Objective:
             "inside": InsideSilhouettes(body=body, weight=7e4 * share),
             "collision": ArmCollision(body=body, weight=800.0),
             "hinges": HingeLimits(skeleton=body.skeleton, weight=40.0),
+            "shoulders": ShoulderLimits(skeleton=body.skeleton, weight=300.0),
             "rest": RestPrior(
                 weight=0.2,
                 firmness=firmness(chest=8.0, head=5.0, clavicle=70.0, thigh=0.7, hand=6.0, foot=6.0),

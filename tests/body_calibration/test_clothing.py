@@ -1,0 +1,69 @@
+"""What clothes add to a body: a variance of its own for each part, which the body decides."""
+
+import numpy as np
+import pytest
+from support.people import ADULT
+
+from jaxskel.body import BALL_NAMES, FREE_BALLS, QUANTITIES, Prior, Shape, adults_prior, measured_body
+from jaxskel.body_calibration import dressed
+from jaxskel.body_calibration._clothing import Clothing
+
+PRIOR = adults_prior(ADULT)
+FREE = [BALL_NAMES[ball].removeprefix("l_") for ball in FREE_BALLS]
+CHEST = QUANTITIES.index("chest radius")
+
+
+def settled(vector: np.ndarray) -> Clothing:
+    """Deviations after many updates for one body."""
+    clothing = Clothing()
+    for _ in range(40):
+        clothing = clothing.given(PRIOR, vector)
+    return clothing
+
+
+def allowed(clothing: Clothing, quantity: int) -> float:
+    """How much variance of a quantity clothes add."""
+    wider = np.linalg.inv(clothing.precision(PRIOR) + 1e-6 * np.eye(len(QUANTITIES)))
+    return (
+        wider[quantity, quantity] - np.linalg.inv(PRIOR.precision + 1e-6 * np.eye(len(QUANTITIES)))[quantity, quantity]
+    )
+
+
+def test_the_precision_is_the_inverse_of_the_sum_of_both_covariances():
+    regular = Prior(PRIOR.mean, PRIOR.precision + np.eye(len(QUANTITIES)))
+    added = np.linalg.inv(Clothing().precision(regular)) - np.linalg.inv(regular.precision)
+    worn = np.diagonal(added) > 1e-5
+    np.testing.assert_allclose(added, np.diag(np.where(worn, 0.05**2, 0.0)), atol=1e-7)
+    names = {quantity.split()[0] for quantity, wears in zip(QUANTITIES, worn, strict=True) if wears}
+    assert "chest" in names
+    assert not names & {"palm", "finger", "toe", "trunk", "thigh", "shank"}
+
+
+def test_a_naked_body_wears_nothing():
+    np.testing.assert_allclose(settled(PRIOR.mean.vector).deviations, 0.0, atol=2e-3)
+
+
+def test_a_thick_part_wears_something_and_the_others_do_not():
+    vector = PRIOR.mean.vector.copy()
+    vector[CHEST] += 0.06
+    clothing = settled(vector)
+    assert clothing.deviations.max() == pytest.approx(0.06, abs=0.01)
+    assert allowed(clothing, CHEST) > 0.04**2
+    assert (clothing.deviations > 0.02).sum() == 1
+
+
+def test_clothes_make_nothing_thinner():
+    vector = PRIOR.mean.vector.copy()
+    vector[CHEST] -= 0.06
+    assert settled(vector).deviations.max() < 0.03
+    assert allowed(settled(vector), CHEST) < 0.001**2
+
+
+def test_dressed_adds_to_radii_but_of_hands_and_toes():
+    thicker = dressed(Shape.of(PRIOR.mean.vector), 0.03)
+    grown = np.asarray(thicker.balls - PRIOR.mean.balls)
+    np.testing.assert_array_equal(grown[:, :3], 0.0)
+    bare = np.isin(FREE, ["palm", "finger", "ball", "toe"])
+    np.testing.assert_allclose(grown[:, 3], np.where(bare, 0.0, 0.03), atol=1e-12)
+    naked, clothed = measured_body(ADULT, PRIOR.mean), measured_body(ADULT, thicker)
+    assert clothed.skeleton.stature == naked.skeleton.stature
