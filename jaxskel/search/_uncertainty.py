@@ -21,6 +21,10 @@ _UNSEEN, _POWER = 0.05, 6
 _RIVAL_COST, _EXCESS_COST = 0.7, 5.0
 # Doublings of the deviations at most by a high cost, and by outlines that something other than the subject causes.
 _DOUBLINGS, _UNEXPLAINED = 5.0, 4.0
+# Cost threshold above which no body explains what is in most silhouettes, and doublings of the deviations for each
+# doubling of it. Thresholds are 12 to 20 for naked people, to 25 in clothes, 48 for a child in wide clothes with a
+# rope, 120 for a man on a chair.
+_NO_BODY, _DOUBLINGS_BEYOND = 55.0, 2.0
 # Thickness of clothes (m) that makes the variance of joints twice that of naked people, and costs tell half as much.
 _CLOTHES = 0.015
 # Joints closer than this are in the same place (m), as in the paper's Table 1.
@@ -58,6 +62,7 @@ def searched_uncertainty(
     raw = np.sqrt(np.trace(covariance, axis1=-2, axis2=-1) / 3)
     loose = np.hypot(1.0, clothes / _CLOTHES)
     doublings = np.clip((cost[:, 0] - cost_threshold) / _EXCESS_COST, 0.0, _DOUBLINGS)
+    doublings += _DOUBLINGS_BEYOND * max(np.log2(cost_threshold / _NO_BODY), 0.0)
     doublings += _UNEXPLAINED * (1 - trust_in_explained(unexplained))
     wider = loose * _SHARE_OF_JOINT * (1 + (raw / _UNSEEN) ** _POWER) * 2 ** doublings[:, None]
     own = covariance * (wider**2)[..., None, None]

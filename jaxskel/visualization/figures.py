@@ -82,6 +82,7 @@ def plot_stages(recording: Recording, prepared: Prepared, settings: Settings, fr
         axes = figure.add_axes((0.2 + 0.2 * i, 0.0, 0.2, 0.92), projection="3d")
         axes.set_title(title)
         axes.set_axis_off()
+        axes.patch.set_visible(False)  # it would hide labels that reach out of the panel on the left
         axes.view_init(elev=8, azim=azimuth)  # pyright: ignore[reportAttributeAccessIssue]
         shown = points if i == 0 else points[::5]
         shade = 0.35 + 0.5 * (shown[:, 1] - low[1]) / (high[1] - low[1]) if i == 0 else np.full(len(shown), 0.85)

@@ -113,3 +113,10 @@ def test_clothes_widen_all_joints_and_bring_rivals_nearer():
     alone = np.delete(np.arange(15), 5)
     np.testing.assert_allclose(clothed.covariance[0, alone, 1, 1], 5 * naked.covariance[0, alone, 1, 1], rtol=1e-5)
     assert clothed.confidence[0, 5] < naked.confidence[0, 5] - 0.1
+
+
+def test_where_no_body_explains_the_silhouettes_nothing_is_sure():
+    joints, costs = hypotheses(False), np.array([[100.0, 100.0]])
+    explained, beyond = (searched_uncertainty(joints, costs, SEEN, usual, np.zeros(1)) for usual in (110.0, 220.0))
+    np.testing.assert_allclose(beyond.covariance[0, 1], 4**2 * explained.covariance[0, 1], rtol=1e-5)
+    assert (beyond.confidence < explained.confidence).all()
