@@ -37,7 +37,8 @@ _MODEL_ERROR = 0.008
 # Step of the central differences of the stature (logarithm of a length).
 _STEP = 1e-3
 # Thickness of clothes that are tried, too (m). Another size must be clearly better, because a larger body also explains
-# thick clothes: a real child costs 62 with the size that is right and 159 with the graph's, adults in coats 91 and 92.
+# thick clothes: a real child costs 62 with the size that is right and 159 with the graph's,
+# an adult in wide trousers 110 with both.
 _THICK, _CLEARLY = 0.03, 0.75
 # Frames that other sizes are tried on.
 _TRIED = 8

@@ -22,7 +22,7 @@ _RIVAL_COST, _EXCESS_COST = 0.7, 5.0
 # Doublings of the deviations at most by a high cost, and by outlines that something other than the subject causes.
 _DOUBLINGS, _UNEXPLAINED = 5.0, 4.0
 # Cost threshold above which no body explains what is in most silhouettes, and doublings of the deviations for each
-# doubling of it. Thresholds are 12 to 20 for naked people, to 25 in clothes, 48 for a child in wide clothes with a
+# doubling of it. Thresholds are 12 to 20 for naked people, to 33 in clothes, 48 for a child in wide clothes with a
 # rope, 120 for a man on a chair.
 _NO_BODY, _DOUBLINGS_BEYOND = 55.0, 2.0
 # Thickness of clothes (m) that makes the variance of joints twice that of naked people, and costs tell half as much.
