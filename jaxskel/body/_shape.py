@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ._capsule_body import BALL_NAMES, BALL_SIDES, FREE_BALLS, LIKE_BALL, Body, make_body
-from ._population import adults
+from ._population import Population, population_of
 from ._skeleton import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES, TIP_PARENTS, Skeleton, default_adult, make_skeleton
 
 LENGTH_NAMES = (
@@ -29,7 +29,7 @@ QUANTITIES = [*LENGTH_NAMES, "fingers front", "fingers out"] + [
 """Names of the unknowns in order: lengths, fingers, then shift and radius of each free ball."""
 FLESH_FROM = len(LENGTH_NAMES) + 2
 
-# Standard deviations that the table of adults lacks: lengths (relative), joint centres, which depend on their
+# Standard deviations that the tables of people lack: lengths (relative), joint centres, which depend on their
 # definition (m), and flesh (fraction of the stature).
 _SHARE, _CENTRE, _FLESH = 0.01, 0.002, 0.001
 # The table covers hands only up to the palm, and fingers may be open or closed (m; relative; tangent of an angle).
@@ -107,9 +107,9 @@ class Prior(NamedTuple):
     """Inverse covariance of the vector of unknowns; the common scale of all lengths is unconstrained."""
 
 
-def adults_prior(template: Skeleton) -> Prior:
-    """Prior of adults relative to a template, see [`adults`][jaxskel.body.adults]; their hands are half closed."""
-    table, height, count = adults(), float(template.height), len(QUANTITIES)
+def population_prior(table: Population, template: Skeleton) -> Prior:
+    """Prior of a population relative to a template of about the same stature; hands are half closed."""
+    height, count = float(template.height), len(QUANTITIES)
     size = np.where(np.arange(count) < FLESH_FROM, 1.0, height)[:, None]
     mean, rest, axes = np.zeros((count, 1)), np.zeros((count, 1)), np.zeros((count, table.axes.shape[1]))
     known = [QUANTITIES.index(name) for name in table.names]
@@ -122,9 +122,18 @@ def adults_prior(template: Skeleton) -> Prior:
     return Prior(Shape.of(mean), precision)
 
 
+def people_prior(template: Skeleton, stature: float) -> Prior:
+    """Prior of people of about this stature (m), children or adults, relative to a template of any size."""
+    size = stature / template.stature
+    prior = population_prior(population_of(stature), template.scaled(size))
+    mean = prior.mean.vector
+    mean[: len(LENGTH_NAMES)] += np.log(size)
+    return Prior(Shape.of(mean), prior.precision)
+
+
 def flesh_prior(skeleton: Skeleton) -> Prior:
-    """Prior of the flesh of an adult with a known skeleton, which is the template: lengths and fingers are fixed."""
-    table, count = adults_prior(skeleton), len(LENGTH_NAMES)
+    """Prior of the flesh of someone with a known skeleton, which is the template: lengths and fingers are fixed."""
+    table, count = people_prior(skeleton, skeleton.stature), len(LENGTH_NAMES)
     known, free = np.arange(FLESH_FROM), np.arange(FLESH_FROM, len(QUANTITIES))
     off = np.zeros(FLESH_FROM)  # the table does not contain fingers
     off[:count] = np.log(lengths_of(skeleton) / lengths_of(default_adult(skeleton.stature))) - table.mean.lengths
@@ -138,7 +147,7 @@ def flesh_prior(skeleton: Skeleton) -> Prior:
 
 
 def _unlike(template: Skeleton) -> Float[np.ndarray, " unknowns"]:
-    """Standard deviation of each unknown that the table of adults does not contain."""
+    """Standard deviation of each unknown that the tables of people do not contain."""
     lengths = np.sqrt(_SHARE**2 + (_CENTRE / lengths_of(template)) ** 2)
     lengths[LENGTH_NAMES.index("fingertip")] = _FINGERTIP_PLAY
     flesh = np.full(len(QUANTITIES) - FLESH_FROM, _FLESH * float(template.height))

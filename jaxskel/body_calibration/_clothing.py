@@ -16,8 +16,12 @@ _BARE = ("palm", "finger", "ball", "toe")
 # What is worn may be in front of these or, like a bag, behind them. Around limbs it is equally thick, so that their
 # flesh still tells front and back apart.
 _ASIDE = ("seat", "waist", "chest", "girdle", "nape", "face", "crown")
-# Standard deviation before anything is known (m), and where nothing is worn.
-_BEFORE, _NOTHING = 0.05, 1e-4
+# Standard deviation before anything is known (m), of radii and of shifts to the front, and where nothing is worn.
+_THICKER, _SHIFTED, _NOTHING = 0.05, 0.02, 1e-4
+# Largest standard deviation (m). Trousers that are wide at the feet do not reach under the soles; if ankles and heels
+# grew to their width, the legs would become too short.
+_MOST, _MOST_AT_FEET = 0.3, 0.015
+_AT_FEET = ("ankle", "heel")
 # Flesh that deviates by fewer standard deviations than this is no sign of clothes.
 _FLESH_DEVIATIONS = 2.0
 
@@ -31,6 +35,8 @@ def _worn() -> Int[np.ndarray, " worn"]:
 
 _WORN = _worn()
 _GROWS = np.array([QUANTITIES[i].endswith("radius") for i in _WORN])
+_LARGEST = np.array([_MOST_AT_FEET if QUANTITIES[i].split()[0] in _AT_FEET else _MOST for i in _WORN])
+_BEFORE = np.minimum(np.where(_GROWS, _THICKER, _SHIFTED), _LARGEST)
 
 
 def dressed(shape: Shape, thickness: float) -> Shape:
@@ -43,7 +49,7 @@ def dressed(shape: Shape, thickness: float) -> Shape:
 class Clothing(eqx.Module):
     """Standard deviation of what clothes add to each quantity of `QUANTITIES` that they can change (m)."""
 
-    deviations: Float[np.ndarray, " worn"] = eqx.field(default_factory=lambda: np.full(len(_WORN), _BEFORE))
+    deviations: Float[np.ndarray, " worn"] = eqx.field(default_factory=_BEFORE.copy)
 
     @property
     def thickness(self) -> float:
@@ -63,5 +69,5 @@ class Clothing(eqx.Module):
         off = (precision @ (vector - prior.mean.vector))[_WORN] * inverse
         flesh = np.maximum(inverse - self.deviations**2, 0.0)
         explained = np.maximum(off**2 - _FLESH_DEVIATIONS**2 * flesh, _NOTHING**2)
-        halfway = np.sqrt((self.deviations**2 + explained) / 2)
+        halfway = np.minimum(np.sqrt((self.deviations**2 + explained) / 2), _LARGEST)
         return Clothing(np.where(_GROWS & (off < 0), _NOTHING, halfway))

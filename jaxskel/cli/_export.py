@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ..io.poses import read_poses, with_up, write_bvh, write_c3d, write_table, write_trc
+from ..io.poses import read_poses, with_up, write_bvh, write_c3d, write_table, write_trc, write_trc_deviations
 from ..poses import Poses
 from ..recording import UP_AXES
 from ._outputs import check_output_file
@@ -19,13 +19,17 @@ _KINDS = {
     ".bvh": "Blender and other animation programs",
     ".csv": "spreadsheets",
 }
+# Names with this end are written with the standard deviations of the coordinates.
+_DEVIATIONS = ".sigma.trc"
 
 
 def export(
     poses: Annotated[Path, typer.Argument(help="poses.npz as written by `jaxskel run`.")],
     outputs: Annotated[
         list[Path],
-        typer.Argument(metavar="OUTPUT...", help="Files to write; the suffix decides: .trc, .c3d, .bvh or .csv."),
+        typer.Argument(
+            metavar="OUTPUT...", help="Files to write; the suffix decides: .trc, .sigma.trc, .c3d, .bvh or .csv."
+        ),
     ],
     up: Annotated[
         str | None,
@@ -54,6 +58,9 @@ def export(
         raise ValueError(f"{animations[0]}: no frame has a pose: there is nothing to animate")
     if animations and found.rotations is None:
         raise ValueError(f"{poses}: holds no rotations, because an older version wrote it; reconstruct again")
+    deviations = [output for output in outputs if output.name.lower().endswith(_DEVIATIONS)]
+    if deviations and found.covariance is None:
+        raise ValueError(f"{poses}: has no covariances for {deviations[0]}; run again, with the default preset")
     for output in outputs:
         say(f"{output}: {len(found)} frames at {found.fps:g} fps, {_write(output, found, up, millimetres)}")
     end_without_pose(poses, found)
@@ -65,8 +72,10 @@ def _write(output: Path, poses: Poses, up: str | None, millimetres: bool) -> str
     kind = output.suffix.lower()
     if kind == ".trc":
         up = up or "+Y"
-        write_trc(output, poses, up=up, millimetres=millimetres)
-        return f"{'mm' if millimetres else 'm'}, {up} up; {gaps} without a pose: empty cells"
+        deviations = output.name.lower().endswith(_DEVIATIONS)
+        (write_trc_deviations if deviations else write_trc)(output, poses, up=up, millimetres=millimetres)
+        what = "standard deviations, " if deviations else ""
+        return f"{what}{'mm' if millimetres else 'm'}, {up} up; {gaps} without a pose: empty cells"
     if kind == ".c3d":
         up = up or "+Z"
         try:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import equinox as eqx
 import jax
@@ -15,8 +16,8 @@ from ..body import (
     Body,
     Pose,
     Skeleton,
-    adults_prior,
     lengths_of,
+    people_prior,
 )
 from ..graph import SkeletalGraph
 from ..hull import FRAMES_PER_WORD
@@ -60,7 +61,7 @@ class MeasuredLength:
     length: float
     """From joint centre to joint centre (m)."""
     deviation: float
-    """Posterior standard deviation (m), with the variation between adults as the prior."""
+    """Posterior standard deviation (m), with the variation between people as the prior."""
     still: tuple[str, ...]
     """Joints at its ends that hardly turn in these frames: only the flesh around them shows where they are."""
 
@@ -88,11 +89,11 @@ def calibrate_body(
 ) -> CalibratedBody:
     """Find a subject's bone lengths and radii, without known dimensions, from the silhouettes of some frames.
 
-    Poses are searched for with an average adult. Then lengths, flesh and the poses of all frames are adjusted at once.
-    Both steps are done twice. What the silhouettes do not show follows from how adults vary: the flesh around a joint
-    tells where the joint is, because a table has their correlation (see [`adults`][jaxskel.body.adults]). Left and
-    right are assumed to be alike, and hands to be half closed. A joint is found best where it turns: a few frames in
-    which shoulders, elbows, hips and knees bend are worth more than many others.
+    Poses are searched for with an average body. Then lengths, flesh and the poses of all frames are adjusted at once.
+    Both steps are done twice. What the silhouettes do not show follows from how people vary: the flesh around a joint
+    tells where the joint is, because a table has their correlation (see [`Population`][jaxskel.body.Population]).
+    Left and right are assumed to be alike, and hands to be half closed. A joint is found best where it turns: a few
+    frames in which shoulders, elbows, hips and knees bend are worth more than many others.
 
     Args:
         recording: Silhouettes and cameras; its ``skeleton`` is ignored.
@@ -110,7 +111,7 @@ def calibrate_body(
         raise ValueError("calibrate_body: the settings have no search for poses; give Settings(search=Search())")
     on_stage(STAGES[0])
     template, sight = _look(recording, settings, skeleton, frames)
-    subject = find_subject(template, adults_prior(template), sight, settings.search, OTHER_SIZES, on_stage)
+    subject = find_subject(template, partial(people_prior, template), sight, settings.search, OTHER_SIZES, on_stage)
     poses, body = subject.poses, subject.body
     deviations = np.sqrt(np.diagonal(subject.covariance))
     still = {bone for bone in _TURNING if _turning(poses, body.skeleton, bone) < _TURNED}

@@ -5,7 +5,7 @@ from dataclasses import replace
 import equinox as eqx
 import numpy as np
 
-from ..body import Skeleton, adults_prior, default_adult, flesh_prior, make_body
+from ..body import Prior, Skeleton, default_adult, flesh_prior, make_body, people_prior
 from ..graph import SkeletalGraph
 from ..hull import FRAMES_PER_WORD, judge_misses, make_grid, observed_edge, place_grid, projection_table
 from ..matching import estimate_stature
@@ -85,8 +85,12 @@ def _with_subject(prepared: Prepared, recorded: Silhouettes, settings: Settings,
         return prepared
     sight = sight_of(found.outlines, found.labelled)
     known = prepared.skeleton_is_known
-    prior, sizes = (flesh_prior(skeleton), ()) if known else (adults_prior(skeleton), OTHER_SIZES)
-    subject = find_subject(skeleton, prior, sight, settings.search, sizes)
+    flesh = flesh_prior(skeleton)
+
+    def prior(stature: float) -> Prior:
+        return flesh if known else people_prior(skeleton, stature)
+
+    subject = find_subject(skeleton, prior, sight, settings.search, () if known else OTHER_SIZES)
     if known:  # exactly as given, not rounded
         body = eqx.tree_at(lambda b: b.skeleton, subject.body, skeleton)
         return replace(prepared, body=body, costs=subject.costs, clothes=subject.clothes)

@@ -81,7 +81,7 @@ class Subject(NamedTuple):
 
 def find_subject(
     template: Skeleton,
-    prior: Prior,
+    prior: Callable[[float], Prior],
     sight: Sight,
     search: Search,
     sizes: tuple[float, ...] = (),
@@ -91,7 +91,7 @@ def find_subject(
 
     Args:
         template: Skeleton that the prior is relative to (m).
-        prior: What is known of the body before.
+        prior: What is known before of a body of a stature (m), relative to the template.
         sight: What the frames show.
         search: Breadth and depth of the search for poses.
         sizes: Sizes to try besides the template's, as shares of it, if no body of that size fits; the silhouettes
@@ -101,18 +101,19 @@ def find_subject(
     given = _Given(template, prior, sight, on_device(sight.observed), search)
     every = np.arange(len(sight.middles))
     on_stage(STAGES[0])
-    shape = prior.mean
+    shape = prior(template.stature).mean
     found = given.poses_of(shape, every)
     some = every[:: -(-len(every) // _TRIED)]
     least = float(np.median(found.cost[some, 0]))
     if least <= search.doubtful:
         return _settled(given, shape, found, on_stage)
+    resized = False
     for size in sizes:
-        other = _resized(prior.mean, size)
+        other = prior(size * template.stature).mean
         cost = float(np.median(given.poses_of(other, some).cost[:, 0]))
         if cost < _CLEARLY * least:
-            shape, least = other, cost
-    if shape is not prior.mean:
+            shape, least, resized = other, cost, True
+    if resized:
         found = given.poses_of(shape, every)
     clothed = dressed(shape, _THICK)
     subjects = [
@@ -126,7 +127,7 @@ class _Given(NamedTuple):
     """What does not change while a subject is looked for."""
 
     template: Skeleton
-    prior: Prior
+    prior: Callable[[float], Prior]
     sight: Sight
     stack: Observed
     """What the frames show, on the device."""
@@ -149,7 +150,7 @@ def _settled(given: _Given, shape: Shape, found: Hypotheses, on_stage: Callable[
     for turn in range(_ROUNDS):
         on_stage(STAGES[1 if turn == 0 else 3])
         used = _well_fitted(found.cost[:, 0])
-        adjusted = bundle_adjust(template, given.prior, shape, filled(found.best), thinned, used)
+        adjusted = bundle_adjust(template, given.prior(before), shape, filled(found.best), thinned, used)
         shape, body = adjusted.shape, measured_body(template, adjusted.shape)
         change, before = abs(body.skeleton.stature / before - 1), body.skeleton.stature
         if turn == _ROUNDS - 1:
@@ -170,10 +171,6 @@ def _settled(given: _Given, shape: Shape, found: Hypotheses, on_stage: Callable[
     return Subject(
         body, adjusted.covariance, Costs(float(low), float(typical)), poses, used, deviation, adjusted.clothes
     )
-
-
-def _resized(shape: Shape, size: float) -> Shape:
-    return Shape(np.asarray(shape.lengths) + np.log(size), shape.fingers, np.asarray(shape.balls) * size)
 
 
 def _stature_deviation(template: Skeleton, shape: Shape, covariance: Float[np.ndarray, "lengths lengths"]) -> float:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..body import FLESH_FROM, QUANTITIES, Body, Shape, adults, adults_prior, default_adult, measured_body
+from ..body import FLESH_FROM, QUANTITIES, Body, Shape, adults, default_adult, measured_body, population_prior
 
 
 def draw_adult(seed: int, stature: float = 1.72) -> Body:
@@ -16,7 +16,7 @@ def draw_adult(seed: int, stature: float = 1.72) -> Body:
         The body (m); its ``skeleton`` has the dimensions.
     """
     template, table, rng = default_adult(), adults(), np.random.default_rng(seed)
-    vector = adults_prior(template).mean.vector
+    vector = population_prior(table, template).mean.vector
     drawn = table.axes @ rng.normal(size=table.axes.shape[1]) + table.rest * rng.normal(size=len(table.rest))
     known = np.array([QUANTITIES.index(name) for name in table.names])
     vector[known] += np.where(known < FLESH_FROM, 1.0, template.height) * drawn

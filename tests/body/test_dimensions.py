@@ -13,8 +13,8 @@ from jaxskel.body import (
     QUANTITIES,
     Shape,
     Skeleton,
-    adults_prior,
     lengths_of,
+    people_prior,
     shaped_body,
 )
 from jaxskel.body._shape import shaped_skeleton
@@ -66,7 +66,7 @@ def test_all_lengths_alike_are_a_scale():
 
 
 def test_fingers_close_inwards_and_stay_as_long():
-    closed = shaped_skeleton(ADULT, Shape(np.zeros(11), adults_prior(ADULT).mean.fingers, SAME.balls))
+    closed = shaped_skeleton(ADULT, Shape(np.zeros(11), people_prior(ADULT, ADULT.stature).mean.fingers, SAME.balls))
     np.testing.assert_allclose(lengths_of(closed), lengths_of(ADULT), rtol=1e-5)
     assert_even(closed)
     # Left fingers point to the right now, and nothing else has moved.
@@ -95,7 +95,7 @@ def test_derivative_of_a_body_is_that_of_finite_differences():
 
 def deviation(quantity: str, given: dict[str, float]) -> float:
     """Standard deviation of an unknown, given the values of others."""
-    precision, place = adults_prior(ADULT).precision + 1e-9 * np.eye(93), QUANTITIES.index(quantity)
+    precision, place = people_prior(ADULT, ADULT.stature).precision + 1e-9 * np.eye(93), QUANTITIES.index(quantity)
     free = [i for i, name in enumerate(QUANTITIES) if name not in given]
     return float(np.sqrt(np.linalg.inv(precision[np.ix_(free, free)])[free.index(place), free.index(place)]))
 
@@ -114,13 +114,13 @@ def test_adults_differ_by_some_per_cent():
 
 
 def test_flesh_is_a_share_of_the_stature_and_lengths_are_not():
-    small, tall = adults_prior(ADULT), adults_prior(ADULT.scaled(1.2))
+    small, tall = people_prior(ADULT, ADULT.stature), people_prior(ADULT.scaled(1.2), 1.2 * ADULT.stature)
     np.testing.assert_allclose(tall.mean.lengths, small.mean.lengths)
     np.testing.assert_allclose(tall.mean.balls, 1.2 * small.mean.balls)
 
 
 def test_hands_are_half_closed():
-    prior = adults_prior(ADULT)
+    prior = people_prior(ADULT, ADULT.stature)
     skeleton = shaped_skeleton(ADULT, prior.mean)
     tips, hands = np.asarray(skeleton.rest_tips), np.asarray(skeleton.rest_joints)[[5, 8]]
     # Fingers point inwards, and not far.
@@ -132,7 +132,7 @@ def test_hands_are_half_closed():
 
 
 def test_size_is_free_and_proportions_are_not():
-    precision = adults_prior(ADULT).precision
+    precision = people_prior(ADULT, ADULT.stature).precision
     size = np.concatenate([np.ones(11), np.zeros(82)])
     largest = np.linalg.eigvalsh(precision)[-1]
     np.testing.assert_allclose(precision @ size / largest, 0, atol=1e-9)
@@ -143,7 +143,7 @@ def test_size_is_free_and_proportions_are_not():
 
 
 def test_balls_of_the_middle_stay_there():
-    prior = adults_prior(ADULT)
+    prior = people_prior(ADULT, ADULT.stature)
     for ball in ("nape", "face", "crown"):
         place = QUANTITIES.index(f"{ball} out")
         assert prior.mean.vector[place] == 0

@@ -18,9 +18,9 @@ from jaxskel.body import (
     Body,
     Prior,
     Shape,
-    adults_prior,
     ball_centres,
     lengths_of,
+    people_prior,
     place_joints,
     shaped_body,
 )
@@ -33,7 +33,7 @@ from jaxskel.refinement.terms import ContourContact, InsideSilhouettes, Observed
 
 FRAMES = 16
 HINGED = HingedLimbs()
-PRIOR = adults_prior(ADULT)
+PRIOR = people_prior(ADULT, ADULT.stature)
 BONES = slice(0, 8)
 # Flesh shows the positions of necks and palms less accurately.
 SEEN = [LENGTH_NAMES.index(name) for name in ("shoulder", "upper_arm", "thigh", "shank")]

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from support.people import ADULT
 
-from jaxskel.body import BALL_NAMES, FREE_BALLS, QUANTITIES, Prior, Shape, adults_prior, measured_body
+from jaxskel.body import BALL_NAMES, FREE_BALLS, QUANTITIES, Prior, Shape, measured_body, people_prior
 from jaxskel.body_calibration import dressed
 from jaxskel.body_calibration._clothing import Clothing
 
-PRIOR = adults_prior(ADULT)
+PRIOR = people_prior(ADULT, ADULT.stature)
 FREE = [BALL_NAMES[ball].removeprefix("l_") for ball in FREE_BALLS]
 CHEST = QUANTITIES.index("chest radius")
 

@@ -10,6 +10,7 @@ import pytest
 from support.command_line import jaxskel
 from support.poses import moving, points
 
+from jaxskel.body import JOINT_NAMES
 from jaxskel.io.mocap import read_bvh
 from jaxskel.io.poses import read_trc, write_poses
 
@@ -36,6 +37,23 @@ def test_every_kind_is_written_and_said(folder):
     assert table == "a.csv: 10 frames at 29.97 fps, m, +Z up; 2 without a pose: empty cells"
     assert (folder / "a.csv").read_bytes() == (folder / "poses.csv").read_bytes()
     assert (folder / "a.C3D").stat().st_size > 1000
+
+
+def test_standard_deviations_are_a_file_beside_the_positions(folder):
+    write_poses(folder / "unsure", replace(moving(2), covariance=None))
+    done = jaxskel("export", "unsure/poses.npz", "a.sigma.trc", cwd=folder)
+    assert done.returncode == 2
+    assert "unsure/poses.npz: has no covariances for a.sigma.trc; run again" in done.stderr
+    covariance = np.zeros((10, 15, 3, 3), np.float32) + np.diag([1e-4, 4e-4, 9e-4]).astype(np.float32)
+    covariance[[0, 4]] = np.nan
+    write_poses(folder / "sure", replace(moving(10, 29.97, without=(0, 4)), covariance=covariance))
+    done = jaxskel("export", "sure/poses.npz", "a.sigma.trc", "--millimetres", cwd=folder)
+    assert done.stdout.startswith("a.sigma.trc: 10 frames at 29.97 fps, standard deviations, mm, +Y up; 2 without")
+    read = read_trc(folder / "a.sigma.trc")
+    assert read.names == JOINT_NAMES
+    # (x, y, z) with z up is (y, z, x) with y up; 10, 20, 30 mm.
+    np.testing.assert_allclose(read.positions[1, 5], [0.02, 0.03, 0.01], atol=1e-6)
+    assert np.isnan(read.positions[4]).all()
 
 
 def test_unit_and_up_axis_are_chosen(folder):

@@ -205,3 +205,25 @@ def test_the_page_has_the_colours_of_the_other_pictures():
     style = files("jaxskel.visualization.report").joinpath("style.css").read_text(encoding="utf-8")
     for name, colour in (("left", LEFT), ("right", RIGHT)):
         assert f"--{name}: #{bytes(colour).hex()};" in style
+
+
+def test_covariances_are_in_the_page(recording, poses, tmp_path):
+    rng = np.random.default_rng(0)
+    factors = rng.normal(scale=0.03, size=(FRAMES, 15, 3, 3))
+    covariance = factors @ np.swapaxes(factors, -1, -2) + 1e-4 * np.eye(3)
+    covariance[LOST] = np.nan
+    write_report(tmp_path / "spread.html", recording, replace(poses, covariance=covariance.astype(np.float32)))
+    numbers = numbers_in((tmp_path / "spread.html").read_text("utf-8"))
+    lower = numbers["spread_step"] * unpacked(numbers["spread"], "<i2", FRAMES, 15, 6)
+    found = np.zeros((FRAMES, 15, 3, 3))
+    found[..., *np.tril_indices(3)] = lower
+    assert (found[LOST] == 0).all()
+    rest = np.arange(FRAMES) != LOST
+    turn = rotation_to_z_up(poses.up)
+    wanted = turn @ covariance[rest] @ turn.T
+    # Half a step of 0.1 mm in each factor of up to some decimetres.
+    np.testing.assert_allclose((found @ np.swapaxes(found, -1, -2))[rest], wanted, atol=5e-5)
+
+
+def test_without_covariances_the_page_says_nothing_of_them(page):
+    assert numbers_in(page)["spread"] is None

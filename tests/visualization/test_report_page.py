@@ -191,6 +191,22 @@ def test_truth_is_a_second_skeleton(driver, file, recording, poses):
     assert (page.picture("#scene") != without).any()
 
 
+def test_the_ellipsoids_have_two_standard_deviations(driver, file, recording, poses, tmp_path):
+    """Spheres of 2 x 0.1 m around the joints are circles, on the canvas as large as 0.2 m are there."""
+    assert not Page(driver, file).find(".with-spread").is_displayed()  # the poses have no covariances
+    covariance = np.broadcast_to(0.01 * np.eye(3, dtype=np.float32), (FRAMES, 15, 3, 3))
+    write_report(tmp_path / "spread.html", recording, replace(poses, covariance=covariance))
+    page = Page(driver, tmp_path / "spread.html")
+    shown = page.picture("#scene")
+    page.find("#show-spread").click()
+    rows, columns = np.nonzero((page.picture("#scene") != shown).any(-1))
+    joints = poses.joints[0].astype(np.float64)
+    up = rotation_to_z_up(poses.up).T @ [0, 0, 1.0]
+    centres, above = (in_scene(page, at, shown.shape) for at in (joints, joints + 0.2 * up))
+    away = np.linalg.norm(np.stack([columns, rows], -1)[:, None] - centres, axis=-1).min(1).max()
+    assert away == pytest.approx(np.linalg.norm(above - centres, axis=-1).mean(), rel=0.1)
+
+
 def test_the_page_follows_a_dark_theme(driver, file, recording, poses):
     page = Page(driver, file, 6)
     page.find("#views figure").click()

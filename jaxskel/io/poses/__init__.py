@@ -16,3 +16,4 @@ from ._poses_file import write_table as write_table
 from ._trc import parse_trc as parse_trc
 from ._trc import read_trc as read_trc
 from ._trc import write_trc as write_trc
+from ._trc import write_trc_deviations as write_trc_deviations

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..._runtime.atomic_files import written_whole
 from ..._runtime.plain_text import plain
+from ...body import JOINT_NAMES
 from ...poses import Poses
 from ..files import read_bounded
 from ._markers import Markers, to_markers, with_up
@@ -45,7 +46,28 @@ def write_trc(path: str | Path, poses: Poses, *, up: str = "+Y", millimetres: bo
     Raises:
         ValueError: There are no frames, or `up` is not one of `jaxskel.recording.UP_AXES`.
     """
-    path, markers = Path(path), to_markers(with_up(poses, up))
+    return _write(Path(path), to_markers(with_up(poses, up)), millimetres)
+
+
+def write_trc_deviations(path: str | Path, poses: Poses, *, up: str = "+Y", millimetres: bool = False) -> Path:
+    """Write the standard deviations of the joints' coordinates in the place of positions: a side file of `write_trc`.
+
+    Whatever reads marker trajectories reads it. Axes, units and frames are those of `write_trc`; tips have none.
+
+    Raises:
+        ValueError: As `write_trc`, or the poses have no covariances.
+    """
+    turned = with_up(poses, up)
+    if turned.covariance is None:
+        raise ValueError("the poses have no covariances; run again, with settings that have a search")
+    markers = to_markers(turned)
+    deviations = np.sqrt(np.diagonal(turned.covariance, axis1=-2, axis2=-1)).astype(np.float64)
+    return _write(
+        Path(path), Markers(JOINT_NAMES, deviations, markers.fps, markers.up, markers.frame_index), millimetres
+    )
+
+
+def _write(path: Path, markers: Markers, millimetres: bool) -> Path:
     positions = markers.positions * (1000.0 if millimetres else 1.0)
     decimals = 3 if millimetres else 6
     rate, frames = repr(float(markers.fps)), str(len(markers))

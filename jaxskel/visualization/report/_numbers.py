@@ -1,4 +1,4 @@
-"""The data that the page animates and plots: points, confidence and status of every frame as small integers."""
+"""The data that the page animates and plots: points, their uncertainty and status of every frame as small integers."""
 
 from typing import Any
 
@@ -13,7 +13,8 @@ from ._outlines import LONG_SIDE, UNITS, UNSEEN, display_scale
 from ._overlays import Overlays
 from ._packed import packed
 
-# Resolution (m): with 16 bits a tenth of a millimetre covers 6.5 m. For larger scenes the steps are coarser.
+# Resolution (m): with 16 bits a tenth of a millimetre covers 6.5 m. For larger scenes the steps are coarser. What is
+# uncertain by more than 3 m is shown as uncertain by 3 m.
 _STEP = 1e-4
 _LARGEST = 32767
 
@@ -42,10 +43,11 @@ def page_numbers(recording: Recording, poses: Poses, truth: Truth | None, overla
         "frame_index": packed(poses.frame_index, "<f8"),
         "joints": JOINT_NAMES, "tips": TIP_NAMES, "parents": (*JOINT_PARENTS, *TIP_PARENTS),
         "statuses": STATUS_NAMES, "with_pose": [int(status) for status in WITH_POSE],
-        "origin": origin.tolist(), "step": step, "unseen": UNSEEN,
+        "origin": origin.tolist(), "step": step, "spread_step": _STEP, "unseen": UNSEEN,
         "points": packed(_in_steps(shown, origin, step), "<i2"),
         "truth": None if true is None else packed(_in_steps(true, origin, step), "<i2"),
         "confidence": packed(np.round(255 * poses.confidence), "u1"),
+        "spread": None if poses.covariance is None else packed(_spread(poses.covariance, turn), "<i2"),
         "side_confidence": packed(np.round(255 * poses.side_confidence), "u1"),
         "status": packed(poses.status, "u1"),
         "views": [
@@ -69,6 +71,17 @@ def body_points(
     if tips is None:
         tips = np.full((len(joints), len(TIP_NAMES), 3), np.nan)
     return np.concatenate([joints, tips], axis=1).astype(np.float64)
+
+
+def _spread(
+    covariance: Float[np.ndarray, "frames joints=15 3 3"], turn: Float[np.ndarray, "3 3"]
+) -> Int16[np.ndarray, "frames joints=15 6"]:
+    """Lower triangles of the Cholesky factors of the covariances, row by row, in steps; zeros where unknown."""
+    known = np.isfinite(covariance).all((-2, -1))
+    factors = np.zeros(covariance.shape)
+    factors[known] = np.linalg.cholesky(turn @ covariance[known].astype(np.float64) @ turn.T)
+    rows, columns = np.tril_indices(3)
+    return np.round(factors[..., rows, columns] / _STEP).clip(-_LARGEST, _LARGEST).astype(np.int16)
 
 
 def _steps(clouds: list[np.ndarray]) -> tuple[np.ndarray, float]:

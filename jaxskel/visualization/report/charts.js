@@ -44,18 +44,32 @@ class Charts {
       ["mean", "mean", confidence.map((all) => all && all.reduce((a, b) => a + b) / n)],
       ["lowest", "worst", confidence.map((all) => all && Math.min(...all))],
     ]);
+    if (data.spread !== null) this.deviations(of);
     this.chart("left and right", 0.5, 1, "", [["confidence", "side", of((frame) => data.side_confidence[frame] / 255)]]);
     if (data.truth !== null) {
-      const off = of((frame) => this.distances(frame));
-      const worst = off.map((all) => all && Math.max(...all));
-      // To the least round number that holds all but a few frames; the others run along the top.
-      const sorted = worst.filter((value) => value !== null).sort((a, b) => a - b);
-      const most = sorted.length ? sorted[Math.floor(0.98 * (sorted.length - 1))] : 1;
-      this.chart("distance from the truth", 0, [20, 50, 100, 200, 500, 1000].find((top) => top >= most) || 2000, " mm", [
-        ["mean", "mean", off.map((all) => all && all.reduce((a, b) => a + b) / n)], ["worst", "worst", worst],
-      ]);
+      this.millimetres("distance from the truth", of((frame) => this.distances(frame)));
     }
     this.ticks();
+  }
+
+  // The root mean square of a joint's three standard deviations.
+  deviations(of) {
+    const size = (factor) => 1000 * Math.hypot(...factor.flat()) / Math.sqrt(3);
+    this.millimetres("standard deviation of the joints", of((frame) => {
+      const factors = data.joints.map((_, joint) => spreadOf(frame, joint));
+      return factors.includes(null) ? null : factors.map(size);
+    }));
+  }
+
+  // Mean and greatest of the joints' values.
+  millimetres(title, values) {
+    const worst = values.map((all) => all && Math.max(...all));
+    // To the least round number that holds all but a few frames; the others run along the top.
+    const sorted = worst.filter((value) => value !== null).sort((a, b) => a - b);
+    const most = sorted.length ? sorted[Math.floor(0.98 * (sorted.length - 1))] : 1;
+    this.chart(title, 0, [20, 50, 100, 200, 500, 1000].find((top) => top >= most) || 2000, " mm", [
+      ["mean", "mean", values.map((all) => all && all.reduce((a, b) => a + b) / all.length)], ["worst", "worst", worst],
+    ]);
   }
 
   distances(frame) {

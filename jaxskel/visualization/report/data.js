@@ -10,7 +10,7 @@ function decoded(text, Kind) {
 
 const data = JSON.parse(document.getElementById("data").textContent);
 const POINTS = data.parents.length;
-for (const key of ["points", "truth", "starts", "skeletons"]) {
+for (const key of ["points", "truth", "spread", "starts", "skeletons"]) {
   data[key] = data[key] === null ? null : decoded(data[key], Int16Array);
 }
 for (const key of ["confidence", "side_confidence", "status"]) data[key] = decoded(data[key], Uint8Array);
@@ -41,6 +41,14 @@ function pointsOf(steps, frame) {
     found.push(steps[at] === data.unseen ? null : [0, 1, 2].map((k) => data.origin[k] + data.step * steps[at + k]));
   }
   return found;
+}
+
+// The Cholesky factor (m) of a joint's covariance, z up: its three rows; null where it is not known.
+function spreadOf(frame, joint) {
+  const at = 6 * (frame * data.joints.length + joint);
+  const [a, b, c, d, e, f] = data.spread.subarray(at, at + 6);
+  if (a === 0) return null;
+  return [[a, 0, 0], [b, c, 0], [d, e, f]].map((row) => row.map((x) => x * data.spread_step));
 }
 
 // A canvas with as many pixels as the screen has there; drawing is in CSS pixels.

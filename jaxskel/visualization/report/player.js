@@ -27,13 +27,15 @@ class Player {
   }
 
   optionsOfTheScene() {
-    for (const [id, option] of [["show-truth", "truth"], ["show-cameras", "cameras"], ["follow", "follow"]]) {
+    const boxes = { "show-truth": "truth", "show-spread": "spread", "show-cameras": "cameras", follow: "follow" };
+    for (const [id, option] of Object.entries(boxes)) {
       byId(id).addEventListener("change", () => {
         this.scene.options[option] = byId(id).checked;
         this.scene.draw(this.frame);
       });
     }
     document.querySelector(".with-truth").hidden = data.truth === null;
+    document.querySelector(".with-spread").hidden = data.spread === null;
     byId("reset").addEventListener("click", () => {
       this.scene.orbit.reset();
       this.scene.draw(this.frame);

@@ -1,5 +1,5 @@
 "use strict";
-// The skeleton in 3D: floor, shadow, cameras, bones.
+// The skeleton in 3D: floor, shadow, cameras, bones, and how far each joint may be off.
 
 const BONE = 0.045; // m, width of a bone
 const GRID = 0.5; // m between the lines of the floor
@@ -12,7 +12,7 @@ class Scene {
     this.frame = 0;
     this.room = this.extent();
     this.orbit = new Orbit(this.front());
-    this.options = { truth: false, cameras: true, follow: false };
+    this.options = { truth: false, cameras: true, follow: false, spread: true };
     this.orbit.attach(canvas, () => this.draw(this.frame));
     new ResizeObserver(() => this.draw(this.frame)).observe(canvas);
   }
@@ -78,6 +78,7 @@ class Scene {
     if (this.options.truth && data.truth !== null) {
       for (const { ends } of this.bones(pointsOf(data.truth, frame))) this.stroke(ends, colours.true, BONE / 3, 1);
     }
+    if (this.options.spread && data.spread !== null) this.drawSpread(points, frame);
     this.drawJoints(points);
     // For tests, and for whoever wants to know what is shown.
     Object.assign(this.canvas.dataset, {
@@ -133,6 +134,33 @@ class Scene {
     this.pen.strokeStyle = colours.shadow;
     this.pen.lineWidth = BONE * seen[0][0].scale;
     this.pen.stroke();
+  }
+
+  // The ellipsoids of two standard deviations, as seen from here.
+  drawSpread(points, frame) {
+    points.slice(0, data.joints.length).forEach((point, joint) => {
+      const dot = point === null ? null : this.orbit.dot(point);
+      const factor = dot === null ? null : spreadOf(frame, joint);
+      if (factor === null) return;
+      const [x, y] = [this.orbit.right, this.orbit.up].map((axis) =>
+        [0, 1, 2].map((k) => axis[0] * factor[0][k] + axis[1] * factor[1][k] + axis[2] * factor[2][k]));
+      const dots = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+      const [xx, xy, yy] = [dots(x, x), dots(x, y), dots(y, y)];
+      const [half, apart] = [(xx + yy) / 2, Math.hypot((xx - yy) / 2, xy)];
+      const sizes = [half + apart, half - apart].map((each) => 2 * dot.scale * Math.sqrt(Math.max(0, each)));
+      this.pen.beginPath();
+      // The canvas counts y downwards.
+      this.pen.ellipse(dot.x, dot.y, ...sizes, -0.5 * Math.atan2(2 * xy, xx - yy), 0, 2 * Math.PI);
+      this.pen.fillStyle = colours[sideOf[joint]];
+      this.pen.globalAlpha = 0.2;
+      this.pen.fill();
+      // The rim shows where the ellipsoid is smaller than the bone is wide.
+      this.pen.globalAlpha = 0.6;
+      this.pen.strokeStyle = colours.text;
+      this.pen.lineWidth = 1;
+      this.pen.stroke();
+      this.pen.globalAlpha = 1;
+    });
   }
 
   drawJoints(points) {

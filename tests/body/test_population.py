@@ -1,7 +1,7 @@
 """How adults differ: the table, and the bodies that it was made from."""
 
-import adults as making
 import numpy as np
+import population as making
 import pytest
 from makehuman import BONES, MakeHuman, Phenotype, SkinnedBody, write_body
 
@@ -19,7 +19,7 @@ def maker() -> MakeHuman:
 def mixed(maker: MakeHuman, **shares: float) -> SkinnedBody:
     average = dict.fromkeys(("muscle", "weight", "height", "proportions"), 0.5)
     people = dict.fromkeys(("african", "asian", "caucasian"), 1 / 3)
-    return maker.body(Phenotype(**{"male": 0.5, "old": 0.0} | average | people | shares))
+    return maker.body(Phenotype(**{"male": 0.5, "age": 25.0} | average | people | shares))
 
 
 def test_the_table_knows_all_but_the_hands():

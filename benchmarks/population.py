@@ -1,13 +1,14 @@
-"""How adults differ: makes the table of bone lengths and flesh that `calibrate_body` starts from.
+"""How people differ: makes the tables of bone lengths and flesh that `calibrate_body` starts from.
 
-    python benchmarks/adults.py SEQUENCE.npz ...
+    python benchmarks/population.py SEQUENCE.npz ... -o jaxskel/body/adults.csv
 
 Each sequence file shows a different person, whose dimensions and joints are known. The position of the flesh of
 `make_body` around these joints is found as `calibrate_body` does it. Means, principal components and residual
-deviations of each quantity are written to `jaxskel/body/adults.csv`.
+deviations of each quantity are written to a table of `jaxskel/body/`: adults.csv, children.csv.
 
-The package's table was made from 160 bodies of MakeHuman (`benchmarks/makehuman.py`), each in 16 frames of one clip of
-the CMU database: 01_01, 02_05, 05_02, 13_18 and 16_11 in turn, the clips that all settings were chosen on.
+The package's tables were made from 160 adults and 80 children of MakeHuman (`benchmarks/makehuman.py`), each in 16
+frames of one clip of the CMU database: 01_01, 02_05, 05_02, 13_18 and 16_11 in turn, the clips that all settings were
+chosen on.
 """
 
 import argparse
@@ -107,9 +108,7 @@ def _begin(cores: Any) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("sequences", nargs="+", type=Path)
-    parser.add_argument(
-        "-o", "--output", type=Path, default=Path(__file__).parent.parent / "jaxskel" / "body" / "adults.csv"
-    )
+    parser.add_argument("-o", "--output", type=Path, required=True)
     arguments = parser.parse_args()
     vectors = []
     # Each process has one core, where several threads of NumPy would only wait for each other.
@@ -123,7 +122,7 @@ def main() -> None:
             vectors.append(vector)
             print(f"{path}: {len(vectors)} of {len(arguments.sequences)}", flush=True)
     arguments.output.write_text(table(np.array(vectors)))
-    print(f"{arguments.output}: {len(vectors)} adults")
+    print(f"{arguments.output}: {len(vectors)} people")
 
 
 if __name__ == "__main__":
