@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import equinox as eqx
 from _clothes import with_clothes
+from _slim import with_slim_body
 from disturb import with_cameras, with_dirty_masks, with_wrong_bones
 
 from jaxskel import Recording
@@ -24,6 +25,8 @@ class Condition:
     """Seed of the wrong bone lengths."""
     clothes: int | None = None
     """Seed of the clothes; None adds none."""
+    slim: float | None = None
+    """Radii of a slim body that replaces the silhouettes, as a share of the average body's; None keeps them."""
     unknown: bool = False
     """Whether the subject's dimensions are withheld."""
     step: int = 1
@@ -39,6 +42,8 @@ class Condition:
             parts.append(f"bones ±{100 * self.bones:g} % (seed {self.seed})")
         if self.clothes is not None:
             parts.append(f"clothes (seed {self.clothes})")
+        if self.slim is not None:
+            parts.append(f"slim body ({self.slim:g} of the radii)")
         if self.unknown:
             parts.append("dimensions unknown")
         if self.step > 1:
@@ -53,6 +58,8 @@ def disturbed(recording: Recording, condition: Condition) -> Recording:
         recording = eqx.tree_at(lambda r: r.fps, fewer, recording.fps / condition.step)
     if condition.cameras is not None:
         recording = with_cameras(recording, condition.cameras)
+    if condition.slim is not None:
+        recording = with_slim_body(recording, condition.slim)
     if condition.clothes is not None:
         recording = with_clothes(recording, condition.clothes)
     if condition.dirty is not None:
@@ -69,6 +76,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cameras", type=_indices, metavar="0,2,3", help="use only these cameras")
     parser.add_argument("--dirty", type=_whole, metavar="SEED", help="dirty masks: rough edges, holes, a black view")
     parser.add_argument("--clothes", type=_whole, metavar="SEED", help="skirts, coats, hair, backpacks and the like")
+    parser.add_argument("--slim", type=_share, metavar="SHARE", help="slim bodies: this share of the average radii")
     parser.add_argument("--unknown", action="store_true", help="withhold the subject's dimensions")
     parser.add_argument("--bones", type=_share, metavar="SHARE", default=0.0, help="bone lengths off by this share")
     parser.add_argument("--seed", type=_whole, default=0, help="seed of the bone lengths")
@@ -78,8 +86,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def condition_of(arguments: argparse.Namespace) -> Condition:
     """The condition that the options of `add_options` ask for."""
     return Condition(
-        arguments.cameras, arguments.dirty, arguments.bones, arguments.seed, arguments.clothes, arguments.unknown,
-        arguments.step,
+        arguments.cameras, arguments.dirty, arguments.bones, arguments.seed, arguments.clothes, arguments.slim,
+        arguments.unknown, arguments.step,
     )  # fmt: skip
 
 

@@ -3,7 +3,10 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import equinox as eqx
+
 from jaxskel import Settings, Tracking, paper_settings
+from jaxskel.graph import FollowedHeights
 
 
 @dataclass(frozen=True)
@@ -17,10 +20,15 @@ class Preset:
     settings: Callable[[], Settings]
 
 
+def _followed() -> Settings:
+    return eqx.tree_at(lambda s: s.graph.root_finder, paper_settings(), FollowedHeights())
+
+
 PRESETS = {
     preset.name: preset
     for preset in (
         Preset("paper", "`paper_settings()`", paper_settings),
+        Preset("followed", "the same, `FollowedHeights()`", _followed),
         Preset("default", "`Settings()`", Settings),
         Preset("tracked", "`Settings(tracking=Tracking())`", lambda: Settings(tracking=Tracking())),
     )

@@ -4,6 +4,7 @@ In: `VisualHulls`. Out: a `SkeletalGraph` per frame: a pruned tree of centre-lin
 and skeletoniser are arguments.
 """
 
+from ._followed_heights import FollowedHeights as FollowedHeights
 from ._forest import Forest as Forest
 from ._forest import forest_of as forest_of
 from ._person_graphs import MIN_BRANCH as MIN_BRANCH

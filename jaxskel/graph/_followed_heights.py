@@ -1,0 +1,99 @@
+"""The paper's remedy for raised hands: local maxima of height, followed in time."""
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..body import Skeleton
+from ..hull import VisualHulls
+
+_STATURE = 1.75  # stature for which the sizes below hold (m)
+
+
+class FollowedHeights(eqx.Module):
+    """Follows the head among the local maxima of height over the frames that it is given (Sect. 3.1).
+
+    Head and raised hands are local maxima of the hull's upper surface. The head is the one that stays above the middle
+    of the person and moves least from frame to frame: of all sequences of maxima the cheapest, found by dynamic
+    programming. It needs a film: frames in order, a second or more of them; single frames have only the first rule.
+
+    All sizes hold for a body of 1.75 m; they are scaled with the skeleton's stature.
+    """
+
+    least_rise: float = 0.08
+    """A maximum rises by this much above the saddle to a higher one (m). A head rises by 0.2 m above the shoulders."""
+    most: int = eqx.field(static=True, default=6)
+    """Highest maxima kept in each frame."""
+    wander: float = 0.15
+    """Horizontal distance from the middle of the hull that costs as much as `jump` (m)."""
+    jump: float = 0.05
+    """Distance between frames that costs as much as `wander` (m)."""
+
+    def roots(self, hulls: VisualHulls, skeleton: Skeleton) -> Int[np.ndarray, " frames"]:
+        """Index into ``hulls.voxels`` of the root of each person's graph; 0 for an empty hull."""
+        scale = skeleton.stature / _STATURE / hulls.grid.spacing  # voxels in a metre of a body of 1.75 m
+        roots = np.zeros(len(hulls), np.int64)
+        frames = np.flatnonzero(hulls.inside.any(1))
+        if len(frames) == 0:
+            return roots
+        tops, away = [], []
+        for f in frames:
+            own = np.flatnonzero(hulls.inside[f])
+            found = own[_maxima(hulls.voxels[own], self.least_rise * scale)][: self.most]
+            middle = hulls.voxels[own, :2].mean(0)
+            tops.append(found)
+            away.append(np.hypot(*(hulls.voxels[found, :2] - middle).T) / (self.wander * scale))
+        places = [hulls.voxels[found] for found in tops]
+        chosen = _cheapest_path(away, places, self.jump * scale)
+        roots[frames] = [found[k] for found, k in zip(tops, chosen, strict=True)]
+        return roots
+
+
+def _maxima(voxels: Int[np.ndarray, "own 3"], rise: float) -> Int[np.ndarray, " maxima"]:
+    """Indices of the local maxima of the upper surface, from the highest down.
+
+    Columns join from the highest down; a group of them that meets a higher one has a maximum if it rises enough.
+    """
+    last = np.append(np.flatnonzero((np.diff(voxels[:, :2], axis=0) != 0).any(1)), len(voxels) - 1)
+    columns, heights = voxels[last, :2] - voxels[:, :2].min(0) + 1, voxels[last, 2]
+    label = np.full(columns.max(0) + 2, -1)
+    peaks: list[int] = []  # of each group, its highest column
+    parent: list[int] = []
+    kept: set[int] = set()
+    for column in np.argsort(-heights, kind="stable"):
+        x, y = columns[column]
+        around = {_group(parent, g) for g in label[x - 1 : x + 2, y - 1 : y + 2].ravel() if g >= 0}
+        if not around:
+            label[x, y] = len(parent)
+            parent.append(len(parent))
+            peaks.append(int(column))
+            continue
+        first = min(around, key=lambda g: (-heights[peaks[g]], g))
+        label[x, y] = first
+        for group in around - {first}:
+            if heights[peaks[group]] - heights[column] >= rise:
+                kept.add(peaks[group])
+            parent[group] = first
+    highest = {peaks[g] for g in range(len(parent)) if parent[g] == g}
+    return last[sorted(kept | highest, key=lambda column: -heights[column])]
+
+
+def _group(parent: list[int], group: int) -> int:
+    while parent[group] != group:
+        group = parent[group]
+    return group
+
+
+def _cheapest_path(
+    away: list[Float[np.ndarray, " maxima"]], places: list[Int[np.ndarray, "maxima 3"]], jump: float
+) -> list[int]:
+    """Which maximum of each frame: the sequence with the least sum of costs and distances over `jump`."""
+    costs, before = [away[0]], []
+    for own, last, now in zip(away[1:], places[:-1], places[1:], strict=True):
+        steps = costs[-1] + np.linalg.norm(now[:, None] - last[None], axis=-1) / jump
+        before.append(steps.argmin(1))
+        costs.append(own + steps.min(1))
+    path = [int(costs[-1].argmin())]
+    for choices in reversed(before):
+        path.append(int(choices[path[-1]]))
+    return path[::-1]
