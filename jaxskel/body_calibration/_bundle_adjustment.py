@@ -35,7 +35,7 @@ _POSE = jax.eval_shape(_HINGED.unknowns).size  # traced only: see `fit_scales`
 # a frame's 3600 rays count as only 30 independent measurements, about one for each capsule. In the objective of single
 # frames one ray in ten counts, because there the pose may give way instead of the body.
 _MEASUREMENTS, _DEVIATION = 30, 0.005
-_CONTOURS = _MEASUREMENTS / _DEVIATION**2
+_CONTOURS = np.float32(_MEASUREMENTS / _DEVIATION**2)
 # Same ratio to the weight of the contours as in `volume_objective`.
 _INSIDE = _CONTOURS * 7e4 / 1.2e5
 # Robust scale (m) of ray distances, for both signs: a body too fat is as wrong as one too thin.
@@ -109,8 +109,9 @@ def bundle_adjust(
     adjusted = Adjusted(shape, poses, np.diag(np.full(len(LENGTH_NAMES), np.inf)), np.inf, 0.0)
     frames, clothing = np.flatnonzero(used), Clothing()
     for scale in np.maximum(SCALE, _FIRST_SCALE * _NARROWING ** np.arange(steps)).astype(np.float32):
+        weight = np.float32(_CONTOURS / clothing.looseness**2)
         adjusted = _step(
-            template, Prior(prior.mean, clothing.precision(prior)), adjusted, observed, frames, known, scale
+            template, Prior(prior.mean, clothing.precision(prior)), adjusted, observed, frames, known, scale, weight
         )
         clothing = clothing.given(prior, adjusted.shape.vector)
         adjusted = adjusted._replace(clothes=clothing.thickness)
@@ -127,9 +128,10 @@ def _step(
     frames: Int[np.ndarray, " used"],
     joints: Float[Array, "stack joints=15 3"] | None,
     scale: np.float32,
+    weight: np.float32,
 ) -> Adjusted:
     start = single_precision(before.shape)
-    linear = linearised(template, start, before.poses, observed, joints, scale)
+    linear = linearised(template, start, before.poses, observed, joints, scale, weight)
     linear = jax.tree.map(lambda a: np.asarray(a, np.float64), linear)
     vector, count = before.shape.vector, len(before.shape.vector)
     matrix, pull = np.zeros((count, count)), np.zeros(count)
@@ -179,12 +181,16 @@ def linearised(
     stack: Observed,
     joints: Float[Array, "stack joints=15 3"] | None = None,
     scale: Float[Array, ""] | np.float32 = SCALE,
+    weight: Float[Array, ""] | np.float32 = _CONTOURS,
 ) -> Linear:
-    """Linearise the frames of a stack that have poses, one by one; known joints add residuals."""
+    """Linearise the frames of a stack that have poses, one by one; known joints add residuals.
+
+    Scale and weight are those of the contours.
+    """
 
     def one(given: tuple[Pose, Int[Array, ""], Float[Array, "joints=15 3"] | None]) -> Linear:
         pose, frame, known = given
-        return _linearised(template, shape, pose, stack.of(frame), known, scale)
+        return _linearised(template, shape, pose, stack.of(frame), known, scale, weight)
 
     return jax.lax.map(one, (poses, jnp.arange(len(poses.root), dtype=jnp.int32), joints))
 
@@ -196,10 +202,11 @@ def _linearised(
     observed: Observed,
     joints: Float[Array, "joints=15 3"] | None,
     scale: Float[Array, ""] | np.float32,
+    weight: Float[Array, ""] | np.float32,
 ) -> Linear:
     body = shaped_body(template, shape)
     placed = place(body.skeleton, pose)
-    contours = ContourContact(body=body, weight=_CONTOURS, scale=scale, inner=1.0)
+    contours = ContourContact(body=body, weight=weight, scale=scale, inner=1.0)
     inside = InsideSilhouettes(body=body, weight=_INSIDE)
     quadrics = contour_quadrics(contours, placed, observed) + inside_quadrics(inside, placed, observed)
     fixed = _others(body).correspond(placed, observed)

@@ -22,6 +22,8 @@ _THICKER, _SHIFTED, _NOTHING = 0.05, 0.02, 1e-4
 # grew to their width, the legs would become too short.
 _MOST, _MOST_AT_FEET = 0.3, 0.015
 _AT_FEET = ("ankle", "heel")
+# Clothes of this thickness (m) double the variance of the distance between outlines and body: they fold and swing.
+_FOLDS = 0.015
 # Flesh that deviates by fewer standard deviations than this is no sign of clothes.
 _FLESH_DEVIATIONS = 2.0
 
@@ -55,6 +57,11 @@ class Clothing(eqx.Module):
     def thickness(self) -> float:
         """Root mean square of what clothes add to the radii (m)."""
         return float(np.sqrt((self.deviations[_GROWS] ** 2).mean()))
+
+    @property
+    def looseness(self) -> float:
+        """By which factor the outlines are farther from the body, as they fold and swing, than those of bare skin."""
+        return float(np.hypot(1.0, self.thickness / _FOLDS))
 
     def precision(self, prior: Prior) -> Float[np.ndarray, "unknowns unknowns"]:
         """Inverse covariance of flesh and clothes together (Woodbury: the prior's own may be singular)."""

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from _clothes import GARMENTS, with_clothes
 from _condition import Condition, disturbed
+from _slim import with_slim_body
 from disturb import holes_and_blobs, rough_edges, with_cameras, with_dirty_masks, with_wrong_bones
 
 from jaxskel import JOINT_NAMES, Recording, make_cameras, pack_silhouettes, unpack_silhouettes
@@ -278,6 +279,24 @@ def test_clothes_need_joints(scene):
         with_clothes(eqx.tree_at(lambda r: r.truth, scene, None), 0)
 
 
+# --- slim bodies
+
+
+def test_a_slim_body_is_inside_the_body_and_grows_with_its_share(scene):
+    whole, quarter, half = (masks_of(each) for each in (scene, *(with_slim_body(scene, s) for s in (0.25, 0.5))))
+    assert (half >= quarter).all()
+    # The shank goes straight to the ball of the foot, in front of the ankle.
+    assert (half & ~whole).sum() < 0.07 * half.sum()
+    assert 0.1 < quarter.sum() / half.sum() < 0.7
+    assert half.sum() < 0.8 * whole.sum()
+
+
+def test_a_slim_body_needs_joints_and_dimensions(scene):
+    for lacking in (lambda r: r.truth, lambda r: r.skeleton):
+        with pytest.raises(ValueError, match=r"synthetic: keys 'joints', 'tips', 'rest_joints'"):
+            with_slim_body(eqx.tree_at(lacking, scene, None), 0.5)
+
+
 # --- conditions
 
 
@@ -294,4 +313,7 @@ def test_a_condition_does_all_it_names_and_leaves_its_input(scene):
     assert named == "cameras 0 2, dirty masks (seed 1), bones ±5 % (seed 2), 1 frame in 4"
     assert str(Condition()) == ""
     assert str(Condition(clothes=3, unknown=True)) == "clothes (seed 3), dimensions unknown"
+    assert str(Condition(slim=0.5)) == "slim body (0.5 of the radii)"
     assert disturbed(scene, Condition(unknown=True)).skeleton is None
+    slim = disturbed(scene, Condition(slim=0.5)).silhouettes
+    np.testing.assert_array_equal(slim, with_slim_body(scene, 0.5).silhouettes)

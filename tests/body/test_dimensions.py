@@ -14,6 +14,7 @@ from jaxskel.body import (
     Shape,
     Skeleton,
     lengths_of,
+    measured_body,
     people_prior,
     shaped_body,
 )
@@ -114,9 +115,27 @@ def test_adults_differ_by_some_per_cent():
 
 
 def test_flesh_is_a_share_of_the_stature_and_lengths_are_not():
-    small, tall = people_prior(ADULT, ADULT.stature), people_prior(ADULT.scaled(1.2), 1.2 * ADULT.stature)
+    small, tall = (people_prior(ADULT.scaled(size), size * ADULT.stature) for size in (1.0, 1.2))
     np.testing.assert_allclose(tall.mean.lengths, small.mean.lengths)
     np.testing.assert_allclose(tall.mean.balls, 1.2 * small.mean.balls)
+
+
+@pytest.mark.parametrize("stature", [1.0, 1.3, 1.6, 1.9])
+def test_the_prior_of_a_stature_does_not_depend_on_the_template(stature):
+    bodies = [measured_body(template, people_prior(template, stature).mean) for template in (ADULT, ADULT.scaled(0.8))]
+    for body in bodies:
+        assert body.skeleton.stature == pytest.approx(stature, rel=0.04)
+    np.testing.assert_allclose(bodies[0].skeleton.rest_joints, bodies[1].skeleton.rest_joints, atol=1e-6)
+    np.testing.assert_allclose(bodies[0].radii, bodies[1].radii, atol=1e-6)
+
+
+def test_children_have_larger_heads_and_shorter_legs():
+    child, adult = (
+        lengths_of(measured_body(ADULT, people_prior(ADULT, stature).mean).skeleton) / stature
+        for stature in (1.2, 1.75)
+    )
+    assert child[LENGTH_NAMES.index("head_top")] > 1.1 * adult[LENGTH_NAMES.index("head_top")]
+    assert child[LENGTH_NAMES.index("thigh")] < adult[LENGTH_NAMES.index("thigh")]
 
 
 def test_hands_are_half_closed():

@@ -33,7 +33,9 @@ def test_the_precision_is_the_inverse_of_the_sum_of_both_covariances():
     regular = Prior(PRIOR.mean, PRIOR.precision + np.eye(len(QUANTITIES)))
     added = np.linalg.inv(Clothing().precision(regular)) - np.linalg.inv(regular.precision)
     worn = np.diagonal(added) > 1e-5
-    np.testing.assert_allclose(added, np.diag(np.where(worn, 0.05**2, 0.0)), atol=1e-7)
+    expected = np.zeros(len(QUANTITIES))
+    expected[worn] = Clothing().deviations ** 2
+    np.testing.assert_allclose(added, np.diag(expected), atol=1e-7)
     names = {quantity.split()[0] for quantity, wears in zip(QUANTITIES, worn, strict=True) if wears}
     assert "chest" in names
     assert not names & {"palm", "finger", "toe", "trunk", "thigh", "shank"}
@@ -50,6 +52,20 @@ def test_a_thick_part_wears_something_and_the_others_do_not():
     assert clothing.deviations.max() == pytest.approx(0.06, abs=0.01)
     assert allowed(clothing, CHEST) > 0.04**2
     assert (clothing.deviations > 0.02).sum() == 1
+
+
+def test_wide_trousers_do_not_reach_under_the_soles():
+    vector = PRIOR.mean.vector.copy()
+    vector[[QUANTITIES.index("ankle radius"), QUANTITIES.index("knee radius")]] += 0.06
+    clothing = settled(vector)
+    assert allowed(clothing, QUANTITIES.index("knee radius")) > 0.04**2
+    assert allowed(clothing, QUANTITIES.index("ankle radius")) < 0.016**2
+
+
+def test_outlines_of_clothes_count_less():
+    assert settled(PRIOR.mean.vector).looseness == pytest.approx(1.0, abs=0.02)
+    everywhere = Clothing(np.full_like(Clothing().deviations, 0.03))
+    assert everywhere.looseness == pytest.approx(np.hypot(1, 2))  # twice the thickness that doubles the variance
 
 
 def test_clothes_make_nothing_thinner():

@@ -9,7 +9,8 @@ from support.phantoms import chain
 from support.recordings import graph_settings
 
 from jaxskel import GraphSettings, Pose, default_adult, reconstruct
-from jaxskel.graph import HeadBall, HighestVoxel, RootFinder
+from jaxskel.graph import FollowedHeights, HeadBall, HighestVoxel, RootFinder
+from jaxskel.graph._followed_heights import _cheapest_path, _maxima
 from jaxskel.graph._root_finders import deep_voxels
 from jaxskel.hull import VisualHulls, hulls_from_dense, make_grid
 from jaxskel.synthetic import demo_motion, make_scene
@@ -65,7 +66,7 @@ def apart(a, b) -> float:
     return float(np.linalg.norm(np.asarray(a) - np.asarray(b), axis=-1).max())
 
 
-@pytest.mark.parametrize("finder", [HighestVoxel(), HeadBall()])
+@pytest.mark.parametrize("finder", [HighestVoxel(), HeadBall(), FollowedHeights()])
 def test_top_of_an_upright_head_is_found_by_both(finder):
     assert isinstance(finder, RootFinder)
     hulls = filled(body(hand=(0.0, 0.35, 0.85)))
@@ -213,3 +214,49 @@ def test_head_that_a_thick_neck_joins_to_the_trunk_is_not_lost_to_a_thick_arm():
     clothed = np.vstack([body(neck=HEAD_RADIUS, hand=elbow), np.append(elbow, 0.09)])
     assert apart(places(HeadBall(), filled(clothed)), TOP) < 1.5 * SPACING
     assert apart(places(HeadBall(overtopped=10.0), filled(clothed)), elbow) < 0.15
+
+
+# --- heights followed in time
+
+
+def test_a_head_is_followed_while_a_hand_rises_above_it_and_sinks():
+    way = np.sin(np.linspace(0, np.pi, 13))[:, None]
+    raised = filled(*(body(hand=hand) for hand in np.array([0.0, 0.55, 1.2]) * (1 - way) + HAND * way))
+    assert apart(places(FollowedHeights(), raised), TOP) < 2 * SPACING
+    assert apart(places(HighestVoxel(), raised), TOP) > 0.3
+
+
+def test_frames_without_a_person_do_not_break_the_path():
+    some = filled(body(), np.zeros((0, 4)), body(hand=HAND))
+    assert FollowedHeights().roots(some, ADULT)[1] == 0
+    assert apart(places(FollowedHeights(), some)[[0, 2]], TOP) < 2 * SPACING
+
+
+def test_maxima_of_a_drawn_surface():
+    # Columns of a row: 5 high, then 2, 4, 4, 1, 3, 2; maxima at 5, 4 and 3, which rise 2 (to the column of 2) and 2.
+    heights = [5, 2, 4, 4, 1, 3, 2]
+    voxels = np.array([(x, 0, z) for x, height in enumerate(heights) for z in range(height + 1)])
+
+    def found(rise: float) -> list[tuple[int, int]]:
+        return [(int(x), int(z)) for x, _, z in voxels[_maxima(voxels, rise)]]
+
+    assert found(2.0) == [(0, 5), (2, 4), (5, 3)]
+    assert found(2.5) == [(0, 5)]
+    # A second body that touches nothing is higher than all around it.
+    apart_from = np.concatenate([voxels, [(20, 0, 0)]])
+    assert len(_maxima(apart_from, 2.5)) == 2
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_cheapest_path_is_that_of_all_paths(seed):
+    rng = np.random.default_rng(seed)
+    counts = rng.integers(1, 4, 5)
+    away = [rng.uniform(0, 3, count) for count in counts]
+    spots = [rng.integers(0, 9, (count, 3)) for count in counts]
+
+    def cost(path) -> float:
+        jumps = sum(np.linalg.norm(b[j] - a[i]) for a, b, i, j in zip(spots, spots[1:], path, path[1:], strict=False))
+        return sum(own[i] for own, i in zip(away, path, strict=True)) + jumps / 2.0
+
+    best = min(cost(path) for path in np.ndindex(*counts))
+    assert cost(_cheapest_path(away, spots, 2.0)) == pytest.approx(best)
