@@ -5,6 +5,7 @@
     python benchmarks/accuracy.py SEQUENCE.npz ... --dirty 1                  with dirty masks
     python benchmarks/accuracy.py SEQUENCE.npz ... --unknown                  dimensions withheld
     python benchmarks/accuracy.py SEQUENCE.npz ... --unknown --clothes 1      the same in clothes
+    python benchmarks/accuracy.py SEQUENCE.npz ... --unknown --alone          each frame as a recording of its own
     python benchmarks/accuracy.py SEQUENCE.npz ... --bones 0.05 --seed 1      with a mismeasured subject
     python benchmarks/accuracy.py SEQUENCE.npz ... --preset tracked           as with `jaxskel run --track`
 
@@ -125,8 +126,23 @@ def coverage(squared: Float[np.ndarray, "frames joints"]) -> str:
     return "\n".join(lines)
 
 
-def score_files(paths: list[Path], condition: Condition, settings: Settings) -> tuple[dict[str, Score], Score]:
+def statures(shares: list[float]) -> str:
+    """A line: how far the statures found are from the true ones."""
+    off = 100 * np.abs(np.array(shares) - 1)
+    within = ", ".join(f"{100 * (off <= most).mean():.1f} % within {most:g} %" for most in (2.5, 5.0))
+    return f"stature: {within}, at most {off.max():.1f} % off (of {len(off)})"
+
+
+def score_files(
+    paths: list[Path], condition: Condition, settings: Settings, alone: bool = False
+) -> tuple[dict[str, Score], Score]:
     """Reconstruct and score files under a condition; print a row for each, one for all, and the reliability.
+
+    Args:
+        paths: Sequence files.
+        condition: Changes made to them.
+        settings: How to reconstruct.
+        alone: Whether each frame is a recording of its own, so that nothing is known from the others.
 
     Returns:
         The score of each file by its name, and of all files pooled.
@@ -135,16 +151,24 @@ def score_files(paths: list[Path], condition: Condition, settings: Settings) -> 
     frames, seconds = 0, 0.0
     trusted: list[tuple[np.ndarray, np.ndarray]] = []
     squared: list[np.ndarray] = []
-    suffix = f", {condition}" if str(condition) else ""
+    tall: list[float] = []
+    suffix = "".join(f", {part}" for part in (str(condition), "each frame alone" if alone else "") if part)
     print(HEADER)
     for path in sorted(paths):
         if path.stem in results:
             raise ValueError(f"{path}: another file is called {path.stem} too; give each a name of its own")
-        recording = disturbed(read_recording(path), condition)
-        prepared = prepare(recording, settings)
-        if not results:  # compiles
-            next(reconstruct_batches(recording, settings, prepared))
-        poses, taken = reconstruct_timed(recording, prepared, settings)
+        known = read_recording(path)
+        recording = disturbed(known, condition)
+        parts, taken = [], 0.0
+        for part in [recording[i : i + 1] for i in range(len(recording))] if alone else [recording]:
+            prepared = prepare(part, settings)
+            if not results and not parts:  # compiles
+                next(reconstruct_batches(part, settings, prepared))
+            found, took = reconstruct_timed(part, prepared, settings)
+            parts, taken = [*parts, found], taken + took
+            if recording.skeleton is None and known.skeleton is not None:
+                tall.append(prepared.skeleton.stature / known.skeleton.stature)
+        poses = join_poses(parts)
         results[path.stem] = score_against_truth(poses, recording)
         frames, seconds = frames + len(recording), seconds + taken
         trusted.append(trust_and_truth(poses, recording))
@@ -154,6 +178,8 @@ def score_files(paths: list[Path], condition: Condition, settings: Settings) -> 
     print(row(f"**all**{suffix}", total, frames / seconds), flush=True)
     print("\n" + reliability(*(np.concatenate(part) for part in zip(*trusted, strict=True))))
     print("\n" + coverage(np.concatenate(squared)))
+    if tall:
+        print("\n" + statures(tall))
     return results, total
 
 
@@ -162,11 +188,12 @@ def main() -> None:
     parser.add_argument("sequences", nargs="+", type=Path)
     parser.add_argument("--output", type=Path, help="also write every figure as JSON")
     add_options(parser)
+    parser.add_argument("--alone", action="store_true", help="each frame is a recording of its own")
     parser.add_argument("--preset", choices=list(PRESETS), default="default", help="how to reconstruct")
     arguments = parser.parse_args()
     settings = PRESETS[arguments.preset].settings()
     condition = condition_of(arguments)
-    results, total = score_files(arguments.sequences, condition, settings)
+    results, total = score_files(arguments.sequences, condition, settings, arguments.alone)
     if arguments.output:
         figures = {name: result.to_dict() for name, result in results.items()} | {"all": total.to_dict()}
         report = {"preset": arguments.preset, "condition": str(condition), "accuracy": figures}

@@ -103,9 +103,7 @@ def _group(parent: list[int], group: int) -> int:
     return group
 
 
-def _cheapest_path(
-    away: list[Float[np.ndarray, " _"]], places: list[Int[np.ndarray, "_ 3"]], jump: float
-) -> list[int]:
+def _cheapest_path(away: list[Float[np.ndarray, " _"]], places: list[Int[np.ndarray, "_ 3"]], jump: float) -> list[int]:
     """Which maximum of each frame: the sequence with the least sum of costs and distances over `jump`."""
     costs, before = [away[0]], []
     for own, last, now in zip(away[1:], places[:-1], places[1:], strict=True):

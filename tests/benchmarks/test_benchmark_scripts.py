@@ -69,6 +69,13 @@ def test_scripts_run_on_four_frames(tmp_path, monkeypatch, capsys):
     written = json.loads((tmp_path / "all.json").read_text())
     assert written["condition"] == "cameras 0 1 2 3 4 5 6 7, 1 frame in 2"
     assert set(written["accuracy"]) == {"scene", "all"}
+    run(accuracy.main, monkeypatch, "scene.npz", *condition, "--alone")
+    assert "| **all**, cameras 0 1 2 3 4 5 6 7, 1 frame in 2, each frame alone | 2 | 0 |" in capsys.readouterr().out
+
+
+def test_statures_are_counted():
+    counted = accuracy.statures([1.0, 1.03, 0.9])
+    assert counted == "stature: 33.3 % within 2.5 %, 66.7 % within 5 %, at most 10.0 % off (of 3)"
 
 
 def test_figures_go_on_where_they_were_cut_off(scene, tmp_path, monkeypatch, capsys):
