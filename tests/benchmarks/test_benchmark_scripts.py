@@ -137,4 +137,4 @@ def test_what_is_kept_is_used_only_for_what_it_was_made_from(scene, tmp_path, mo
 def test_presets_are_checked(tmp_path):
     done = benchmark("figures.py", "scene.npz", "-o", "out", "--presets", "paper,good", cwd=tmp_path)
     assert done.returncode == 2
-    assert "give some of paper,default,tracked" in done.stderr
+    assert "give some of paper,followed,default,tracked" in done.stderr

@@ -4,7 +4,7 @@ import equinox as eqx
 import jax
 import numpy as np
 import pytest
-from adults import measured
+from population import measured
 from support.people import ADULT, film_person, other_person
 from support.shared_data import SEQUENCE, needs
 

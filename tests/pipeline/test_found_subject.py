@@ -70,7 +70,7 @@ def test_it_is_told_that_something_is_worn(in_thick_clothes):
 
 
 def test_the_prior_of_flesh_keeps_lengths_and_grows_with_the_body():
-    small, tall = (flesh_prior(default_adult(stature)) for stature in (1.5, 1.8))
+    small, tall = (flesh_prior(default_adult(stature)) for stature in (1.55, 1.86))
     for prior in (small, tall):
         np.testing.assert_array_equal(prior.mean.lengths, 0.0)
         assert np.linalg.eigvalsh(prior.precision).min() > 0
