@@ -1,11 +1,12 @@
 """Preparation before the first frame: the grid, its projection, and the subject's template and body."""
 
 from dataclasses import replace
+from functools import partial
 
 import equinox as eqx
 import numpy as np
 
-from ..body import Prior, Skeleton, default_adult, flesh_prior, make_body, people_prior
+from ..body import Skeleton, default_adult, flesh_prior, make_body, people_prior
 from ..graph import SkeletalGraph
 from ..hull import FRAMES_PER_WORD, judge_misses, make_grid, observed_edge, place_grid, projection_table
 from ..matching import estimate_stature
@@ -85,12 +86,11 @@ def _with_subject(prepared: Prepared, recorded: Silhouettes, settings: Settings,
         return prepared
     sight = sight_of(found.outlines, found.labelled)
     known = prepared.skeleton_is_known
-    flesh = flesh_prior(skeleton)
-
-    def prior(stature: float) -> Prior:
-        return flesh if known else people_prior(skeleton, stature)
-
-    subject = find_subject(skeleton, prior, sight, settings.search, () if known else OTHER_SIZES)
+    if known:
+        flesh = flesh_prior(skeleton)
+        subject = find_subject(skeleton, lambda _: flesh, sight, settings.search)
+    else:
+        subject = find_subject(skeleton, partial(people_prior, skeleton), sight, settings.search, OTHER_SIZES)
     if known:  # exactly as given, not rounded
         body = eqx.tree_at(lambda b: b.skeleton, subject.body, skeleton)
         return replace(prepared, body=body, costs=subject.costs, clothes=subject.clothes)

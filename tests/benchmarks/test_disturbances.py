@@ -8,6 +8,7 @@ import pytest
 from _condition import Condition, disturbed
 from _slim import with_slim_body
 from disturb import holes_and_blobs, rough_edges, with_cameras, with_dirty_masks, with_wrong_bones
+from support.spoilt_rigs import masks_of
 
 from jaxskel import JOINT_NAMES, Recording, make_cameras, pack_silhouettes, unpack_silhouettes
 from jaxskel.body import MIRROR_JOINTS
@@ -20,10 +21,6 @@ SEEDS = range(24)
 @pytest.fixture(scope="module")
 def scene() -> Recording:
     return make_scene(4)
-
-
-def masks_of(recording: Recording) -> np.ndarray:
-    return unpack_silhouettes(recording.silhouettes, int(recording.cameras.size[0, 0]))
 
 
 def a_person() -> np.ndarray:

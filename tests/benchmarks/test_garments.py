@@ -5,18 +5,15 @@ import numpy as np
 import pytest
 from _clothes import GARMENTS, with_clothes
 from _slim import with_slim_body
+from support.spoilt_rigs import masks_of
 
-from jaxskel import JOINT_NAMES, Recording, unpack_silhouettes
+from jaxskel import JOINT_NAMES, Recording
 from jaxskel.synthetic import make_scene
 
 
 @pytest.fixture(scope="module")
 def scene() -> Recording:
     return make_scene(4)
-
-
-def masks_of(recording: Recording) -> np.ndarray:
-    return unpack_silhouettes(recording.silhouettes, int(recording.cameras.size[0, 0]))
 
 
 # --- clothes
