@@ -1,4 +1,4 @@
-"""Left and right from a single frame, by the direction in which feet and knees point.
+"""Left and right, by the direction in which feet and knees point, and over a film by where limbs were before.
 
 The paper decides sides "in a post processing step" (Sect. 3.2.2) that it does not describe. Feet are longer in front of
 the ankle and knees bend to the front, so both give the facing direction; up x facing then points to the left.
@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..body import Skeleton
+from ._followed_sides import follow_sides
 from ._limbs import L_FOOT, L_HAND, R_FOOT, R_HAND, Limbs
 
 # Positions of ankle, knee, upper thigh and upper arm, in fractions of the limb's length from its tip.
@@ -22,16 +23,16 @@ def tell_sides(
     """Assign left and right to the two hands and the two feet.
 
     Args:
-        limbs: Limbs in a world with z up, the two of a pair in any order.
+        limbs: Limbs of successive frames in a world with z up, the two of a pair in any order.
         skeleton: Template, for the lengths of arms and legs.
 
     Returns:
         The limbs with the correct sides, the facing direction (unit, horizontal; zero if unknown), and a confidence
-        from 0.5 (a guess) to 1.
+        from 0.5 (a guess, or neighbouring frames say otherwise than the frame) to 1.
     """
     lengths = skeleton.bone_lengths
-    arm = lengths[3] + lengths[4] + skeleton.tip_lengths[1]
-    leg = lengths[9] + lengths[10] + skeleton.tip_lengths[3]
+    arm = float(lengths[3] + lengths[4] + skeleton.tip_lengths[1])
+    leg = float(lengths[9] + lengths[10] + skeleton.tip_lengths[3])
     facing = np.zeros((len(limbs.paths), 3))
     for label in (L_FOOT, R_FOOT):
         toe, ankle = limbs.ends[:, label], limbs.at(label, _ANKLE * leg)
@@ -48,5 +49,9 @@ def tell_sides(
 
     # If limbs cross, their upper parts are still on their own sides.
     hands, feet = apart(L_HAND, R_HAND, _UPPER_ARM * arm), apart(L_FOOT, R_FOOT, _THIGH * leg)
-    evidence = np.tanh(strength / _FACING_SCALE) * np.tanh(np.abs(feet) / _APART_SCALE)
-    return limbs.exchanged(hands < 0, feet < 0), facing, 0.5 + 0.5 * evidence
+    clear_feet, clear_hands = np.tanh(np.abs(feet) / _APART_SCALE), np.tanh(np.abs(hands) / _APART_SCALE)
+    evidence = np.tanh(strength / _FACING_SCALE) * clear_feet
+    limbs = limbs.exchanged(hands < 0, feet < 0)
+    turned_hands, turned_feet = follow_sides(limbs, arm, leg, evidence, clear_hands * clear_feet)
+    facing = np.where(turned_feet[:, None], -facing, facing)
+    return limbs.exchanged(turned_hands, turned_feet), facing, 0.5 + 0.5 * np.where(turned_feet, 0.0, evidence)
