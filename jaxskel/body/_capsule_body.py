@@ -27,6 +27,7 @@ from ._skeleton import (
 
 BALL_NAMES = (
     "l_seat", "r_seat", "l_waist", "r_waist", "l_chest", "r_chest", "l_girdle", "r_girdle", "nape", "face", "crown",
+    "l_bag_top", "r_bag_top", "l_bag_low", "r_bag_low",
     "l_shoulder", "l_elbow", "l_forearm", "l_wrist", "l_palm", "l_finger",
     "r_shoulder", "r_elbow", "r_forearm", "r_wrist", "r_palm", "r_finger",
     "l_hip", "l_knee", "l_calf", "l_ankle", "l_heel", "l_ball", "l_toe",
@@ -56,6 +57,9 @@ _SIDED_BALLS: dict[str, _Ball] = {
     "waist": ("chest", ("pelvis", 0.30, "neck"), (0.014, 0.026, 0.001), 0.062),
     "chest": ("chest", ("pelvis", 0.66, "neck"), (0.009, 0.036, 0.008), 0.069),
     "girdle": ("clavicle", ("shoulder", 0.0, "shoulder"), (-0.001, -0.017, -0.009), 0.047),
+    # A bag on the back or in front, if one is carried. Otherwise these balls are hidden in the chest.
+    "bag_top": ("chest", ("pelvis", 0.66, "neck"), (0.0, 0.02, 0.0), 0.006),
+    "bag_low": ("chest", ("pelvis", 0.60, "neck"), (0.0, 0.02, 0.0), 0.006),
     "shoulder": ("upper_arm", ("shoulder", 0.0, "shoulder"), (-0.003, -0.002, -0.005), 0.036),
     "elbow": ("forearm", ("elbow", 0.0, "elbow"), (0.0, 0.0, 0.0), 0.024),
     "forearm": ("forearm", ("elbow", 0.28, "wrist"), (0.0, 0.0, 0.0), 0.024),
@@ -76,6 +80,7 @@ _MIDDLE_LINKS = (
 # Links of each side, from the trunk outwards.
 _SIDED_LINKS = (
     ("seat", "waist"), ("waist", "chest"), ("chest", "girdle"), ("nape", "girdle"), ("chest", "nape"),
+    ("bag_top", "bag_low"),
     ("shoulder", "elbow"), ("elbow", "forearm"), ("forearm", "wrist"), ("wrist", "palm"), ("palm", "finger"),
     ("hip", "knee"), ("knee", "calf"), ("calf", "ankle"), ("ankle", "heel"), ("heel", "ball"), ("ankle", "ball"),
     ("ball", "toe"),

@@ -47,7 +47,7 @@ class Shape(eqx.Module):
     """Logarithm of each length, in the order of `LENGTH_NAMES`, relative to the template's."""
     fingers: Float[Array | np.ndarray, "2"]
     """Tilt of the left fingers to the front and to the left (tangents); the right fingers mirror it."""
-    balls: Float[Array | np.ndarray, "free=20 4"]
+    balls: Float[Array | np.ndarray, "free=22 4"]
     """Shift of each of `FREE_BALLS` (m, body frame), and increase of its radius (m)."""
 
     @classmethod
@@ -154,7 +154,8 @@ def _unlike(template: Skeleton) -> Float[np.ndarray, " unknowns"]:
     for place, quantity in enumerate(QUANTITIES[FLESH_FROM:]):
         ball, what = quantity.split()
         flesh[place] = _HAND_PLAYS.get(ball, flesh[place])
-        if what == "out" and ball in BALL_NAMES:  # middle balls stay in the middle
+        # Middle balls stay in the middle, and bags in the chest unless one is found.
+        if (what == "out" and ball in BALL_NAMES) or ball.startswith("bag"):
             flesh[place] = _NO_PLAY
     return np.concatenate([lengths, [_FINGERS_PLAY, _FINGERS_PLAY], flesh])
 

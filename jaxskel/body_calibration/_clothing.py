@@ -11,8 +11,8 @@ from jaxtyping import Float, Int
 
 from ..body import QUANTITIES, Prior, Shape
 
-# Hands and toes are seen as they are, or in shoes, which the table's deviations allow for.
-_BARE = ("palm", "finger", "ball", "toe")
+# Hands and toes are seen as they are, or in shoes, which the table's deviations allow for; bags are no flesh.
+_BARE = ("palm", "finger", "ball", "toe", "bag_top", "bag_low")
 # What is worn may be in front of these or, like a bag, behind them. Around limbs it is equally thick, so that their
 # flesh still tells front and back apart.
 _ASIDE = ("seat", "waist", "chest", "girdle", "nape", "face", "crown")

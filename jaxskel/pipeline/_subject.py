@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 
 from .._runtime.batching import filled, on_device, single_precision, take
 from ..body import Body, Pose, Prior, Shape, Skeleton, measured_body
-from ..body_calibration import bundle_adjust, dressed
+from ..body_calibration import bundle_adjust, carrying, dressed, find_luggage, prior_with_luggage
 from ..matching import Limbs
 from ..refinement.terms import Observed
 from ..search import Hypotheses, Search, fit_poses, fit_scales, graphless_poses, make_model, solve_frames, start_poses
@@ -66,6 +66,8 @@ def sight_of(outlines: Outlines, labelled: Labelled) -> Sight:
 class Subject(NamedTuple):
     """A subject's body, and the poses that it was found with."""
 
+    shape: Shape
+    """Relative to the template."""
     body: Body
     covariance: Float[np.ndarray, "lengths=11 lengths"]
     """Of the logarithms of the lengths, in the order of `LENGTH_NAMES`."""
@@ -120,7 +122,17 @@ def find_subject(
         _settled(given, start, poses, on_stage)
         for start, poses in ((shape, found), (clothed, given.poses_of(clothed, every)))
     ]
-    return min(subjects, key=lambda subject: subject.costs.typical)
+    subject = min(subjects, key=_cost)
+    luggage = find_luggage(subject.body, subject.poses, given.stack, np.flatnonzero(subject.used))
+    if luggage is None:
+        return subject
+    shape = carrying(subject.shape, subject.body, luggage)
+    loaded = given._replace(prior=lambda stature: prior_with_luggage(prior(stature), shape))
+    return min(subject, _settled(loaded, shape, loaded.poses_of(shape, every), on_stage), key=_cost)
+
+
+def _cost(subject: Subject) -> float:
+    return subject.costs.typical
 
 
 class _Given(NamedTuple):
@@ -169,7 +181,7 @@ def _settled(given: _Given, shape: Shape, found: Hypotheses, on_stage: Callable[
     low, typical = np.quantile(fitted.cost[:, 0], (0.1, 0.5))
     deviation = _stature_deviation(template, shape, adjusted.covariance)
     return Subject(
-        body, adjusted.covariance, Costs(float(low), float(typical)), poses, used, deviation, adjusted.clothes
+        shape, body, adjusted.covariance, Costs(float(low), float(typical)), poses, used, deviation, adjusted.clothes
     )
 
 
