@@ -29,6 +29,7 @@ from jaxskel._runtime.cores import take_core
 from jaxskel.body import (
     BALL_NAMES,
     FLESH_FROM,
+    FREE_BALLS,
     LENGTH_NAMES,
     QUANTITIES,
     Prior,
@@ -40,7 +41,7 @@ from jaxskel.body import (
 from jaxskel.body_calibration import bundle_adjust
 
 AXES = 40
-LEFT_OUT = ("fingertip", "fingers front", "fingers out", "palm ", "finger ")
+LEFT_OUT = ("fingertip", "fingers front", "fingers out", "palm ", "finger ", "bag_")
 """Of hands only the length to the palm counts, because people open and close their hands."""
 _STEPS = 25
 # Wide priors for flesh (m) and for the direction of fingers (tangent of an angle); lengths and the middle are fixed.
@@ -80,9 +81,13 @@ def _known_lengths(skeleton: Skeleton, template: Skeleton) -> Prior:
     for place, quantity in enumerate(QUANTITIES):
         if quantity.startswith("fingers"):
             deviations[place] = _ANY_WAY
-        elif quantity in LENGTH_NAMES or (quantity.endswith(" out") and quantity.split()[0] in BALL_NAMES):
+        elif (
+            quantity in LENGTH_NAMES
+            or (quantity.endswith(" out") and quantity.split()[0] in BALL_NAMES)
+            or quantity.startswith("bag_")
+        ):
             deviations[place] = _FIXED
-    return Prior(Shape(lengths, np.zeros(2), np.zeros((20, 4))), np.diag(deviations**-2.0))
+    return Prior(Shape(lengths, np.zeros(2), np.zeros((len(FREE_BALLS), 4))), np.diag(deviations**-2.0))
 
 
 def table(vectors: Float[np.ndarray, "bodies quantities"]) -> str:

@@ -113,7 +113,7 @@ def _carried(
     def one(given: tuple[Pose, Array]) -> tuple[Bool[Array, " points"], Bool[Array, " points"]]:
         pose, frame = given
         placed = place(body.skeleton, pose)
-        here = placed.origins[_CHEST] + points @ placed.rotations[_CHEST].T
+        here = placed.origins[_CHEST][None] + points @ placed.rotations[_CHEST].T
         view = silhouettes.of(frame)
         shown = (view.near(here) > 0).sum(0) <= view.misses
         away = all_distances(here, jnp.asarray(capsule_ends(body, placed.origins, placed.rotations)), radii)

@@ -22,7 +22,7 @@ from jaxskel.body._shape import shaped_skeleton
 from jaxskel.body._skeleton import MIRROR_TIPS
 
 ADULT = default_adult()
-SAME = Shape(np.zeros(11), np.zeros(2), np.zeros((20, 4)))
+SAME = Shape(np.zeros(11), np.zeros(2), np.zeros((len(FREE_BALLS), 4)))
 
 
 def longer(**shares: float) -> Shape:
@@ -77,12 +77,12 @@ def test_fingers_close_inwards_and_stay_as_long():
 
 
 def test_unknowns_in_a_row_and_back():
-    vector = np.random.default_rng(0).normal(size=93)
+    vector = np.random.default_rng(0).normal(size=len(QUANTITIES))
     np.testing.assert_array_equal(Shape.of(vector).vector, vector)
 
 
 def test_derivative_of_a_body_is_that_of_finite_differences():
-    vector, direction = np.random.default_rng(1).normal(size=(2, 93)) * 0.02
+    vector, direction = np.random.default_rng(1).normal(size=(2, len(QUANTITIES))) * 0.02
 
     def flat(vector: jax.Array) -> jax.Array:
         body = shaped_body(ADULT, Shape.of(vector))
@@ -96,7 +96,8 @@ def test_derivative_of_a_body_is_that_of_finite_differences():
 
 def deviation(quantity: str, given: dict[str, float]) -> float:
     """Standard deviation of an unknown, given the values of others."""
-    precision, place = people_prior(ADULT, ADULT.stature).precision + 1e-9 * np.eye(93), QUANTITIES.index(quantity)
+    prior, place = people_prior(ADULT, ADULT.stature), QUANTITIES.index(quantity)
+    precision = prior.precision + 1e-9 * np.eye(len(QUANTITIES))
     free = [i for i, name in enumerate(QUANTITIES) if name not in given]
     return float(np.sqrt(np.linalg.inv(precision[np.ix_(free, free)])[free.index(place), free.index(place)]))
 
@@ -152,7 +153,7 @@ def test_hands_are_half_closed():
 
 def test_size_is_free_and_proportions_are_not():
     precision = people_prior(ADULT, ADULT.stature).precision
-    size = np.concatenate([np.ones(11), np.zeros(82)])
+    size = np.concatenate([np.ones(11), np.zeros(len(QUANTITIES) - 11)])
     largest = np.linalg.eigvalsh(precision)[-1]
     np.testing.assert_allclose(precision @ size / largest, 0, atol=1e-9)
     values = np.linalg.eigvalsh(precision)

@@ -37,8 +37,8 @@ def test_the_table_knows_all_but_the_hands():
 
 def test_a_table_keeps_means_and_deviations():
     rng = np.random.default_rng(0)
-    common = rng.normal(size=(93, making.AXES))
-    vectors = rng.normal(size=(400, making.AXES)) @ common.T + 0.1 * rng.normal(size=(400, 93)) + np.arange(93)
+    common, count = rng.normal(size=(len(QUANTITIES), making.AXES)), len(QUANTITIES)
+    vectors = rng.normal(size=(400, making.AXES)) @ common.T + 0.1 * rng.normal(size=(400, count)) + np.arange(count)
     vectors[:, QUANTITIES.index("nape out")] = 0  # does not vary
     lines = [line.split(",") for line in making.table(vectors).splitlines()]
     rows = [QUANTITIES.index(line[0]) for line in lines[1:]]

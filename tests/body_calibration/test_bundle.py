@@ -13,8 +13,10 @@ from support.phantoms import ideal_graph
 from jaxskel import Pose
 from jaxskel._runtime.batching import filled, on_device, single_precision, take
 from jaxskel.body import (
+    BALL_NAMES,
     LENGTH_NAMES,
     LINKS,
+    QUANTITIES,
     Body,
     Prior,
     Shape,
@@ -71,7 +73,7 @@ def test_quadrics_have_the_slope_of_finite_differences(scene, kind):
     pose = jax.tree.map(lambda a: np.asarray(a)[0], scene.truth)
     pose = Pose(pose.root + np.array([0.02, 0.01, -0.015]), pose.rotations)
     rng = np.random.default_rng(0)
-    shift, growth = rng.normal(size=3), rng.normal(size=37)
+    shift, growth = rng.normal(size=3), rng.normal(size=len(BALL_NAMES))
     with jax.enable_x64(True):
         observed, body = (doubled(tree) for tree in (observed, scene.body))
 
@@ -100,10 +102,10 @@ def test_quadrics_have_the_slope_of_finite_differences(scene, kind):
 
 
 def test_balls_move_with_the_unknowns_as_finite_differences_say(scene):
-    shape = single_precision(Shape.of(0.05 * np.random.default_rng(1).normal(size=93)))
+    shape = single_precision(Shape.of(0.05 * np.random.default_rng(1).normal(size=len(QUANTITIES))))
     poses = take(scene.truth, np.array([3]))
     linear = linearised(single_precision(ADULT), shape, single_precision(poses), on_device(scene.observed))
-    direction = np.random.default_rng(2).normal(size=42 + 93)
+    direction = np.random.default_rng(2).normal(size=42 + len(QUANTITIES))
     with jax.enable_x64(True):
         pose = jax.tree.map(lambda a: jnp.asarray(a[0], jnp.float64), poses)
 
@@ -149,7 +151,7 @@ def test_frames_that_do_not_count_keep_their_poses_and_say_nothing(scene):
 def test_joints_that_are_known_hold_the_poses(scene):
     # Starts with errors larger than outlines could correct in a few steps, and known lengths.
     lengths = np.log(lengths_of(scene.body.skeleton) / lengths_of(ADULT))
-    precision = PRIOR.precision + np.diag(np.r_[np.full(11, 1e10), np.zeros(82)])
+    precision = PRIOR.precision + np.diag(np.r_[np.full(11, 1e10), np.zeros(len(QUANTITIES) - 11)])
     prior = Prior(Shape(lengths, PRIOR.mean.fingers, PRIOR.mean.balls), precision)
     joints = np.asarray(place_joints(single_precision(scene.body.skeleton), single_precision(scene.truth))[0])
     away = filled(Pose(scene.truth.root + np.array([0.25, 0.0, 0.1]), scene.truth.rotations))

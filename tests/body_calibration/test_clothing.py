@@ -75,11 +75,11 @@ def test_clothes_make_nothing_thinner():
     assert allowed(settled(vector), CHEST) < 0.001**2
 
 
-def test_dressed_adds_to_radii_but_of_hands_and_toes():
+def test_dressed_adds_to_radii_but_of_hands_toes_and_bags():
     thicker = dressed(Shape.of(PRIOR.mean.vector), 0.03)
     grown = np.asarray(thicker.balls - PRIOR.mean.balls)
     np.testing.assert_array_equal(grown[:, :3], 0.0)
-    bare = np.isin(FREE, ["palm", "finger", "ball", "toe"])
+    bare = np.isin(FREE, ["palm", "finger", "ball", "toe", "bag_top", "bag_low"])
     np.testing.assert_allclose(grown[:, 3], np.where(bare, 0.0, 0.03), atol=1e-12)
     naked, clothed = measured_body(ADULT, PRIOR.mean), measured_body(ADULT, thicker)
     assert clothed.skeleton.stature == naked.skeleton.stature

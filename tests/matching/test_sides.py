@@ -43,6 +43,16 @@ def person(toes=0.2, knees=0.0, turn=0.0, found=(True,) * 5, crossed=False) -> L
     )
 
 
+def film(people: list[Limbs]) -> Limbs:
+    """Frames one after the other."""
+    fields = ("paths", "lengths", "found", "neck", "pelvis")
+    return Limbs(*(np.concatenate([getattr(one, field) for one in people]) for field in fields))
+
+
+def moved(limbs: Limbs, shift: np.ndarray) -> Limbs:
+    return Limbs(limbs.paths + shift, limbs.lengths, limbs.found, limbs.neck + shift, limbs.pelvis + shift)
+
+
 def mirrored(limbs: Limbs) -> Limbs:
     """The person in the mirror, who has the left limbs on the right."""
     return Limbs(limbs.paths @ MIRROR, limbs.lengths, limbs.found, limbs.neck @ MIRROR, limbs.pelvis @ MIRROR)
@@ -115,17 +125,45 @@ def test_confidence_grows_with_the_evidence():
     assert (np.diff(confidence) > 0).all()
 
 
-def test_a_frame_does_not_depend_on_its_batch():
+def test_single_frames_do_not_depend_on_their_batch():
+    # Between them everybody walks farther than one does from frame to frame.
     people = [person(turn=0.3), mirrored(person(turn=1.3)), person(toes=0.05)]
-    batch = Limbs(
-        *(np.concatenate([getattr(p, k) for p in people]) for k in ("paths", "lengths", "found", "neck", "pelvis"))
-    )
-    told, facing, confidence = tell_sides(batch, ADULT)
+    people = [moved(one, np.array([2.0 * f, 0.0, 0.0])) for f, one in enumerate(people)]
+    told, facing, confidence = tell_sides(film(people), ADULT)
     for f, one in enumerate(people):
         alone, alone_facing, alone_confidence = tell_sides(one, ADULT)
         np.testing.assert_array_equal(told.paths[f], alone.paths[0])
         np.testing.assert_array_equal(facing[f], alone_facing[0])
         np.testing.assert_array_equal(confidence[f], alone_confidence[0])
+
+
+def pirouette(frames: int = 24) -> list[Limbs]:
+    """A whole turn on the spot, in the middle on tiptoe, so that feet seem to point backwards by 2 cm."""
+    turns = 2 * np.pi * np.arange(frames) / frames
+    return [person(toes=0.09 + 0.11 * np.cos(turn), turn=turn) for turn in turns]
+
+
+@pytest.mark.parametrize("hands", [False, True])
+@pytest.mark.parametrize("feet", [False, True])
+def test_clear_frames_decide_unclear_ones_of_a_film(hands, feet):
+    limbs = film(pirouette())
+    some = np.arange(24) % 3 == 1
+    told, facing, confidence = tell_sides(limbs.exchanged(some & hands, some & feet), ADULT)
+    np.testing.assert_array_equal(told.paths, limbs.paths)
+    turns = 2 * np.pi * np.arange(24) / 24
+    np.testing.assert_allclose(facing, np.stack([np.cos(turns), np.sin(turns), 0 * turns], 1), atol=0.05)
+    # By themselves the frames in the middle say the opposite, and they stay doubtful.
+    alone = np.array([(tell_sides(one, ADULT)[0].paths != one.paths).any() for one in pirouette()])
+    assert 1 <= alone.sum() <= 6
+    assert (confidence[alone] == 0.5).all()
+    assert (confidence[:8] > 0.75).all()
+
+
+def test_limbs_that_are_not_found_hold_no_sides():
+    hidden = (True, True, False, True, False)
+    frames = [person(turn=0.1), person(turn=0.1, toes=-0.1, found=hidden), person(turn=0.1)]
+    told, _, _ = tell_sides(film(frames), ADULT)
+    np.testing.assert_array_equal(told.paths[1], tell_sides(frames[1], ADULT)[0].paths[0])
 
 
 def test_points_along_a_path_by_hand():

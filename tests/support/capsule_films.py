@@ -7,7 +7,7 @@ import jax
 import numpy as np
 
 from jaxskel import HullSettings, Pose, Recording, Settings, default_adult, make_body, observe_batch, prepare
-from jaxskel.body import place_body, place_joints
+from jaxskel.body import Body, place_body, place_joints
 from jaxskel.refinement.terms import Observed
 from jaxskel.search import graphless_poses, start_poses
 from jaxskel.synthetic import camera_ring, render
@@ -35,10 +35,10 @@ def joints_of(poses: Pose) -> np.ndarray:
     return np.asarray(place_joints(ADULT, poses)[0], np.float64)
 
 
-def film_body(truth: Pose, fps: float) -> Filmed:
-    """Film the body in a stack of poses; every frame must show it."""
+def film_body(truth: Pose, fps: float, body: Body = BODY) -> Filmed:
+    """Film a body in a stack of poses; every frame must show it."""
     count, cameras = len(truth.root), camera_ring(size=(320, 240))
-    silhouettes = render(cameras, *place_body(BODY, truth))
+    silhouettes = render(cameras, *place_body(body, truth))
     recording = Recording(cameras, silhouettes, fps, "+Z", np.arange(count), ADULT)
     settings = Settings(hull=HullSettings(max_misses=0))
     found = observe_batch(silhouettes, prepare(recording, settings, calibrate=False), settings)
