@@ -100,7 +100,11 @@ def prior_with_luggage(prior: Prior, shape: Shape) -> Prior:
 
 @cached_jit
 def _carried(
-    body: Body, poses: Pose, frames: Int[Array, " frames"], observed: Observed, points: Float[Array, "points 3"]
+    body: Body,
+    poses: Pose,
+    frames: Int[Array | np.ndarray, " frames"],
+    observed: Observed,
+    points: Float[Array | np.ndarray, "points 3"],
 ) -> tuple[Float[Array, " points"], Float[Array, " points"]]:
     """Shares of the frames in which points (m, relative to the chest) are inside all silhouettes, outside the body.
 

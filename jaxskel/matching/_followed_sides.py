@@ -61,6 +61,6 @@ def _continuity(limbs: Limbs, left: int, right: int, middle: float) -> Float[np.
 
     same = moved(one, one) + moved(other, other)
     crossed = moved(one, other) + moved(other, one)
-    both = limbs.found[:, [left, right]].all(1)
+    both = limbs.found[:, left] & limbs.found[:, right]
     weight = _HOLD * np.exp(-((np.minimum(same, crossed) / _NEAR) ** 2)) * (both[1:] & both[:-1])
     return weight * np.clip((crossed - same) / _STEP, -1, 1)
