@@ -2,6 +2,7 @@
 
 JAX's persistent cache avoids the compilation, but a function must be traced to compute its key, and that takes longer
 than everything else before the first pose. Here the key is made of the arguments and the source code of the package.
+After a change of the code functions are traced again, but compiled only if the change concerns them.
 Programs are stored in the folder of JAX's persistent cache, if that is switched on.
 """
 
@@ -12,11 +13,12 @@ import os
 import pickle
 import platform
 import sys
-import warnings
 from collections.abc import Callable, Hashable
-from functools import cache, update_wrapper
+from concurrent.futures import Executor
+from functools import cache, cached_property, update_wrapper
 from importlib.metadata import version
 from pathlib import Path
+from threading import Lock
 from types import BuiltinFunctionType, FunctionType
 from typing import Any, Generic, ParamSpec, TypeVar, cast
 from uuid import uuid4
@@ -26,10 +28,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jax.experimental.serialize_executable import deserialize_and_load, serialize
 
-from .atomic_files import written_whole
-from .private_folders import is_private, make_private, read_private, say_shared
+from .compiler_options import QUICK, accepted
+from .program_files import read_program, read_same_program, usable, write_program
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -48,38 +49,67 @@ class CachedJit(Generic[P, R]):
     argument is not from this package or its libraries, because in a notebook the same name may later mean another term.
     """
 
-    def __init__(self, function: Callable[P, R]):
+    def __init__(self, function: Callable[P, R], options: dict[str, Any] | None = None):
         self._function: Callable[..., R] = function
+        self._options = options or {}
         self._name = f"{function.__module__}.{function.__qualname__}"
-        self._jitted = eqx.filter_jit(function)
+        self._traced = eqx.filter_jit(function)  # within another function, which has the compiler's options
         self._known: dict[Hashable, Callable[[list[Any]], R] | None] = {}
+        self._locks: dict[Hashable, Lock] = {}
         update_wrapper(self, function)
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
-        folder = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
         leaves, structure = jax.tree.flatten((args, kwargs))
         leaves = [_strong(leaf) for leaf in leaves]
-        if not folder or "://" in folder:  # JAX can also use a bucket in a cloud, which is not supported here
-            return self._call(leaves, structure)
+        key = self._key(leaves, structure)
+        program = None if key is None else self._program(key, leaves, structure)
+        if program is None:
+            args, kwargs = jax.tree.unflatten(structure, leaves)
+            traced = any(isinstance(leaf, Tracer) for leaf in leaves)
+            return cast(Callable[..., R], self._traced if traced else self._jitted)(*args, **kwargs)
+        return program([_canonical(leaf) for leaf in leaves if _is_array(leaf)])
+
+    def ahead(self, threads: Executor, *args: P.args, **kwargs: P.kwargs) -> None:
+        """Begin to load or compile the program for arguments like these; a call waits for it."""
+        leaves, structure = jax.tree.flatten((args, kwargs))
+        leaves = [_strong(leaf) for leaf in leaves]
+        key, switches = self._key(leaves, structure), _switches()
+
+        def program() -> None:
+            if _switches() == switches:  # JAX's switches may be those of a thread
+                self._program(key, leaves, structure)
+
+        if key is not None:
+            threads.submit(program)
+
+    def _key(self, leaves: list[Any], structure: Any) -> Hashable | None:
+        """What a program depends on within this process; None if programs are not kept."""
+        if _folder() is None:
+            return None
         numbers = [_is_array(leaf) for leaf in leaves]
         arrays = [_canonical(leaf) for leaf, number in zip(leaves, numbers, strict=True) if number]
         if jax.device_count() > 1 or any(isinstance(array, Tracer) for array in arrays):
-            return self._call(leaves, structure)
+            return None
         # 1, 1.0 and True are equal, but compile differently.
         rest = tuple((type(leaf), leaf) for leaf, number in zip(leaves, numbers, strict=True) if not number)
-        key = structure, tuple(numbers), rest, tuple((array.shape, array.dtype) for array in arrays), _switches()
-        if key not in self._known:
-            self._known[key] = self._prepared(Path(folder), leaves, structure)
-        program = self._known[key]
-        return self._call(leaves, structure) if program is None else program(arrays)
+        return structure, tuple(numbers), rest, tuple((array.shape, array.dtype) for array in arrays), _switches()
+
+    def _program(self, key: Hashable, leaves: list[Any], structure: Any) -> Callable[[list[Any]], R] | None:
+        """The program for a key, loaded or compiled by one thread only; None if there can be none."""
+        with self._locks.setdefault(key, Lock()):
+            if key not in self._known:
+                folder = _folder()
+                self._known[key] = None if folder is None else self._prepared(folder, leaves, structure)
+            return self._known[key]
 
     def forget(self) -> None:
         """Drop the programs that this process has loaded; those on disk stay."""
         self._known.clear()
 
-    def _call(self, leaves: list[Any], structure: Any) -> R:
-        args, kwargs = jax.tree.unflatten(structure, leaves)
-        return cast(Callable[..., R], self._jitted)(*args, **kwargs)
+    @cached_property
+    def _jitted(self) -> Callable[..., R]:
+        options: Any = {"compiler_options": accepted(self._options)}
+        return eqx.filter_jit(self._function, **options)
 
     def _prepared(self, folder: Path, leaves: list, structure: Any) -> Callable[[list[Any]], R] | None:
         """The function for arguments like these, from disk or compiled; None if no key can be made for it."""
@@ -90,10 +120,10 @@ class CachedJit(Generic[P, R]):
             return None
         digest = hashlib.sha256(_surroundings() + content).hexdigest()
         own = folder / "jaxskel"
-        if not _usable(own):
+        if not usable(own):
             return None
         path = own / f"{self._name}-{digest[:32]}"
-        return self._read(path, sum(map(_is_array, leaves))) or self._compile(path, leaves, structure)
+        return read_program(path, sum(map(_is_array, leaves))) or self._compile(path, leaves, structure)
 
     def _compile(self, path: Path, leaves: list, structure: Any) -> Callable[[list[Any]], R]:
         structures = []
@@ -107,61 +137,34 @@ class CachedJit(Generic[P, R]):
 
         # A unique name, so that JAX does not return a program from its own cache: that could not be serialised again.
         flat.__name__ = f"{self._name.replace('.', '_')}_{uuid4().hex}"
-        compiled = jax.jit(flat).lower(*(_canonical(leaf) for leaf in leaves if _is_array(leaf))).compile()
+        lowered = jax.jit(flat).lower(*(_canonical(leaf) for leaf in leaves if _is_array(leaf)))
         result = structures[-1]
-        try:
-            program = serialize(compiled)[0]
-            # A tree of integers with the structure of the result, because the structure itself cannot be pickled.
-            like = jax.tree.unflatten(result, range(result.num_leaves))
-            content = pickle.dumps((program, like))
-            with written_whole(path, mode=0o600) as file:
-                file.write(hashlib.sha256(content).digest() + content)
-        except (OSError, ValueError, NotImplementedError) as error:
-            warnings.warn(f"{path}: a compiled function could not be kept ({error})", stacklevel=4)
+        text = lowered.as_text().replace(flat.__name__, "").encode()
+        same = hashlib.sha256(_machine() + repr(self._options).encode() + text).digest()
+        program = read_same_program(path, f"{self._name}-*", same, sum(map(_is_array, leaves)))
+        if program is not None:
+            return program
+        compiled = lowered.compile(compiler_options=accepted(self._options))
+        write_program(path, same, compiled, result)
         _give_memory_back()
         return lambda leaves: jax.tree.unflatten(result, compiled(*leaves))
 
-    def _read(self, path: Path, arguments: int) -> Callable[[list[Any]], R] | None:
-        try:
-            file = read_private(path)
-        except OSError:
-            return None
-        if file is None:
-            return None
-        # The file is private to this user, so unpickling is safe; the digest detects truncated files.
-        digest, content = file[:32], file[32:]
-        if hashlib.sha256(content).digest() != digest:
-            return None
-        _load_linear_algebra()
-        program, like = pickle.loads(content)
-        result = jax.tree.structure(like)
-        given = jax.tree.structure((tuple(range(arguments)), {}))
-        flat = jax.tree.structure(list(range(result.num_leaves)))
-        try:
-            compiled = deserialize_and_load(program, given, flat)
-        except Exception as error:  # any error of the runtime, for example for a program from another kind of machine
-            warnings.warn(f"{path}: a compiled function could not be read ({error})", stacklevel=4)
-            return None
-        return lambda leaves: jax.tree.unflatten(result, compiled(*leaves))
 
-
-def cached_jit(function: Callable[P, R]) -> Callable[P, R]:
+def cached_jit(function: Callable[P, R]) -> CachedJit[P, R]:
     """Compile a function and store it on disk, see [`CachedJit`][]."""
-    return cast(Callable[P, R], CachedJit(function))
+    return CachedJit(function)
 
 
-@cache
-def _usable(folder: Path) -> bool:
-    """Whether the folder for compiled functions, made if missing, and JAX's folder above it are private."""
-    try:
-        make_private(folder)
-        shared = next((path for path in (folder.parent, folder) if not is_private(path)), None)
-    except OSError as error:
-        warnings.warn(f"{folder}: compiled functions could not be kept ({error})", stacklevel=5)
-        return False
-    if shared is not None:
-        say_shared(shared)
-    return shared is None
+def quickly_compiled(function: Callable[P, R]) -> CachedJit[P, R]:
+    """As [`cached_jit`][], but compiled in half the time, see [`QUICK`][]."""
+    return CachedJit(function, QUICK)
+
+
+def _folder() -> Path | None:
+    """Folder of JAX's persistent cache, if that is switched on."""
+    folder = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
+    # JAX can also use a bucket in a cloud, which is not supported here.
+    return None if not folder or "://" in folder else Path(folder)
 
 
 def _is_array(value: Any) -> bool:
@@ -187,9 +190,15 @@ def _switches() -> tuple[Any, ...]:
 @cache
 def _surroundings() -> bytes:
     """What a program depends on besides its arguments: code, versions, processor."""
+    return digest_of_code().encode() + _machine()
+
+
+@cache
+def _machine() -> bytes:
+    """What a program depends on besides its text: versions, processor."""
     device, flags = jax.devices()[0], os.environ.get("XLA_FLAGS")
     versions = [version(name) for name in _LIBRARIES]
-    return repr((digest_of_code(), versions, processor(), device.platform, device.device_kind, flags)).encode()
+    return repr((versions, processor(), device.platform, device.device_kind, flags)).encode()
 
 
 @cache
@@ -217,12 +226,6 @@ def _give_memory_back() -> None:
     """Make glibc return the memory that the compiler has freed, some hundred megabytes, to the system."""
     if sys.platform == "linux" and hasattr(library := ctypes.CDLL(None), "malloc_trim"):
         library.malloc_trim(0)
-
-
-@cache
-def _load_linear_algebra() -> None:
-    """Make JAX load LAPACK, as it does when it lowers a function that calls it: programs from disk need it."""
-    jax.jit(jnp.linalg.cholesky).lower(jax.ShapeDtypeStruct((2, 2), jnp.float32))
 
 
 class _Namer(pickle.Pickler):

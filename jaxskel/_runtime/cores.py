@@ -5,6 +5,11 @@ from contextlib import suppress
 from pathlib import Path
 
 
+def usable_cores() -> int:
+    """Number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def take_core(number: int) -> None:
     """Pin this process to one of the cores it may use, if the system can; call it before JAX starts its threads."""
     if not hasattr(os, "sched_setaffinity"):

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from .._runtime.compile_cache import cached_jit
+from .._runtime.compile_cache import quickly_compiled
 from ._skeleton import (
     JOINT_NAMES,
     PIVOT_NAMES,
@@ -238,7 +238,7 @@ def place_body(
     return np.asarray(ends), np.asarray(body.radii)[body.links]
 
 
-@cached_jit
+@quickly_compiled
 def place_joints(
     skeleton: Skeleton, pose: Pose
 ) -> tuple[Float[Array, "frames joints=15 3"], Float[Array, "frames tips=5 3"]]:
@@ -246,6 +246,6 @@ def place_joints(
     return jax.vmap(forward_kinematics, in_axes=(None, 0))(skeleton, pose)
 
 
-@cached_jit
+@quickly_compiled
 def _origins(skeleton: Skeleton, pose: Pose) -> Float[Array, "frames segments=17 3"]:
     return jax.vmap(lambda one: place_segments(skeleton, one)[2])(pose)

@@ -4,6 +4,7 @@ Gauss-Newton with correspondences fixed during each step. A pose shares residual
 of each frame are eliminated before the body's are solved for (Schur complement); cost is linear in the frames.
 """
 
+from concurrent.futures import Executor
 from typing import NamedTuple
 
 import equinox as eqx
@@ -13,8 +14,20 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._runtime.batching import single_precision
-from .._runtime.compile_cache import cached_jit
-from ..body import FLESH_FROM, LENGTH_NAMES, LINKS, Body, Pose, Prior, Shape, Skeleton, ball_centres, shaped_body
+from .._runtime.compile_cache import quickly_compiled
+from ..body import (
+    FLESH_FROM,
+    LENGTH_NAMES,
+    LINKS,
+    QUANTITIES,
+    Body,
+    Pose,
+    Prior,
+    Shape,
+    Skeleton,
+    ball_centres,
+    shaped_body,
+)
 from ..refinement.parametrisations import HingedLimbs
 from ..refinement.terms import (
     CapsuleTerm,
@@ -120,6 +133,13 @@ def bundle_adjust(
     return adjusted
 
 
+def bundle_ahead(threads: Executor, template: Skeleton, poses: Pose, observed: Observed) -> None:
+    """Begin to compile what `bundle_adjust` needs for arguments like these."""
+    template, shape = single_precision((template, Shape.of(np.zeros(len(QUANTITIES)))))
+    linearised.ahead(threads, template, shape, poses, observed, None, SCALE, _CONTOURS)
+    _turned.ahead(threads, template, shape, poses, np.zeros((len(poses.root), _POSE), np.float32))
+
+
 def _step(
     template: Skeleton,
     prior: Prior,
@@ -173,7 +193,7 @@ def normal_equations(
     return matrix, np.tensordot(linear.vector, ends, 2) - linear.rows.T @ linear.residuals
 
 
-@cached_jit
+@quickly_compiled
 def linearised(
     template: Skeleton,
     shape: Shape,
@@ -233,7 +253,7 @@ def _others(body: Body) -> Objective:
     return eqx.tree_at(lambda o: o.terms["rest"].weight, Objective(terms), _REST * terms["rest"].weight)
 
 
-@cached_jit
+@quickly_compiled
 def _turned(template: Skeleton, shape: Shape, poses: Pose, unknowns: Float[Array | np.ndarray, "frames n"]) -> Pose:
     skeleton = shaped_body(template, shape).skeleton
     return jax.vmap(lambda pose, own: _HINGED.retract(own, pose, skeleton))(poses, unknowns)

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._runtime.batching import single_precision, take
-from .._runtime.compile_cache import cached_jit
+from .._runtime.compile_cache import quickly_compiled
 from ..body import (
     BALL_NAMES,
     FREE_BALLS,
@@ -98,7 +98,7 @@ def prior_with_luggage(prior: Prior, shape: Shape) -> Prior:
     return Prior(Shape.of(mean), precision)
 
 
-@cached_jit
+@quickly_compiled
 def _carried(
     body: Body,
     poses: Pose,

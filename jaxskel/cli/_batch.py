@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
+from .._runtime.cores import usable_cores
 from ..batch import (
     PROCESS_BYTES,
     TIMEOUT,
@@ -86,7 +87,7 @@ def batch(
     begin = time.monotonic()
     try:
         with _Display(len(sources)) as display:
-            jobs = jobs or _usable_cores()
+            jobs = jobs or _fitting_jobs()
             found = run_batch(sources, output, method, jobs, request, display.event, display.start, timeout)
     except KeyboardInterrupt:
         warn(f"{output}: interrupted; the same command goes on from here")
@@ -172,8 +173,8 @@ def _shard(text: str) -> Shard:
     return Shard(int(number), int(of))
 
 
-def _usable_cores() -> int:
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+def _fitting_jobs() -> int:
+    cores = usable_cores()
     try:
         fitting = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // PROCESS_BYTES
     except (AttributeError, OSError, ValueError):

@@ -12,6 +12,7 @@ from ..hull import FRAMES_PER_WORD, judge_misses, make_grid, observed_edge, plac
 from ..matching import estimate_stature
 from ..recording import Recording, Silhouettes, find_empty_views, rotation_to_z_up, silhouette_areas
 from ..search import make_model
+from ._ahead import compile_ahead
 from ._observe_batch import observe_batch
 from ._prepared import Prepared
 from ._settings import Settings
@@ -85,6 +86,7 @@ def _with_subject(prepared: Prepared, recorded: Silhouettes, settings: Settings,
     if settings.search is None or found.outlines is None:
         return prepared
     sight = sight_of(found.outlines, found.labelled)
+    compile_ahead(skeleton, sight.observed, settings)
     known = prepared.skeleton_is_known
     if known:
         flesh = flesh_prior(skeleton)

@@ -4,20 +4,16 @@ from collections.abc import Iterator
 from contextlib import nullcontext
 
 import equinox as eqx
-import jax
 import numpy as np
 from jaxtyping import UInt8
 
-from .._runtime.batching import filled, single_precision
-from ..body import Pose
 from ..hull import FRAMES_PER_WORD, Stopwatch
 from ..poses import Poses, Status, join_poses
 from ..recording import Recording
-from ..refinement import Refined, refine_frames
-from ..refinement.terms import Objective, Observed
 from ..search import Track
 from ._prepare import prepare
 from ._prepared import Prepared
+from ._refine import refine
 from ._settings import Settings
 from ._start import start_of
 
@@ -46,7 +42,7 @@ def reconstruct_batch(
     status, good = seen.status, seen.frames
     if start is not None:
         with stopwatch("refine"):
-            refined = _refined(start.poses, start.observed, prepared, objective, settings)
+            refined = refine(start.poses, start.observed, prepared.skeleton, objective, settings.refinement)
         status[good[~start.plausible]] = Status.NO_MATCH
         fitted = start.plausible & refined.finite
         status[good[start.plausible & ~refined.finite]] = Status.FAILED
@@ -119,15 +115,3 @@ def reconstruct(recording: Recording, settings: Settings | None = None) -> Poses
         joints and a status that says why; it does not affect other frames.
     """
     return join_poses(reconstruct_batches(recording, settings))
-
-
-def _refined(
-    initial: Pose, observed: Observed, prepared: Prepared, objective: Objective, settings: Settings
-) -> Refined:
-    """Refine the poses of some frames of a batch."""
-    count, how = len(initial.root), settings.refinement
-    refined = refine_frames(
-        single_precision(objective), how.parametrisation, how.solver, single_precision(prepared.skeleton),
-        filled(initial), observed, how.rounds, how.max_steps,
-    )  # fmt: skip
-    return jax.tree.map(lambda a: np.asarray(a)[:count], refined)

@@ -28,8 +28,8 @@ quarter, and no pose of that size fitted; the smaller size is for the opposite e
 0.8, 1 and 1.3 times the graph's stature, the adjustment came to within 2.5 % of one another (crowd_01)."""
 # The frames with the worst fits may have wrong poses; they are left out.
 _USED = 0.8
-# One ray in this many is used, because neighbouring rays are correlated.
-_SOME = 3
+THINNED = 3
+"""One ray in this many is used to adjust a body, because neighbouring rays are correlated."""
 _SCALES = fit_scales((0.04, 4))
 # Deviation of the stature that bodies of capsules have even where outlines are many (share): the root mean square over
 # 23 sequences of the bodies p00 to p07 of crowd.
@@ -158,7 +158,7 @@ def _settled(given: _Given, shape: Shape, found: Hypotheses, on_stage: Callable[
     """Adjust the body and its poses, and search again with it, until neither stature nor costs change."""
     template, every = given.template, np.arange(len(given.sight.middles))
     before, cost = measured_body(template, shape).skeleton.stature, float(np.median(found.cost[:, 0]))
-    thinned = given.stack.thinned(_SOME)
+    thinned = given.stack.thinned(THINNED)
     for turn in range(_ROUNDS):
         on_stage(STAGES[1 if turn == 0 else 3])
         used = _well_fitted(found.cost[:, 0])

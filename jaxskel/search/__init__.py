@@ -4,6 +4,9 @@ In: `Limbs` and the observed outlines. Out: `Hypotheses` with their costs, the c
 or tracked from frame to frame.
 """
 
+from ._ahead import any_poses as any_poses
+from ._ahead import fits_ahead as fits_ahead
+from ._ahead import limbs_ahead as limbs_ahead
 from ._fit import fit_poses as fit_poses
 from ._fit import fit_scales as fit_scales
 from ._gauss_newton import DAMPING as DAMPING

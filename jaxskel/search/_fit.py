@@ -1,6 +1,7 @@
 """Fit batches of hypotheses: all take the same number of steps, in chunks of a fixed size."""
 
 from collections.abc import Callable
+from concurrent.futures import Executor
 from typing import Any
 
 import equinox as eqx
@@ -20,7 +21,7 @@ from ._hypotheses import Hypotheses, Pool, pool_of
 _HINGED = HingedLimbs()
 _MOST_STEPS = 16  # length of the array of scales, fixed so that other step counts do not compile again
 # Hypotheses per chunk: enough to hide the overhead of XLA's many small steps.
-_AT_ONCE = 8
+AT_ONCE = 8
 # A step uses one in this many rays; the final cost uses all.
 _FEW = 9
 
@@ -49,7 +50,12 @@ def fit_pool(body: Body, pool: Pool, stack: Observed, scales: Scales) -> Pool:
     return Pool(pool.frame, poses, cost)
 
 
-def in_chunks(work: Callable[[Pose, Int[Array, " chunk"]], Any], pool: Pool, at_once: int = _AT_ONCE) -> Any:
+def fit_ahead(threads: Executor, body: Body, poses: Pose, stack: Observed) -> None:
+    """Begin to compile the fit of a body to a stack of observations; `poses` are `AT_ONCE` of any."""
+    _fitted.ahead(threads, body, poses, np.zeros(AT_ONCE, np.int32), stack, fit_scales((0.04, 1)))
+
+
+def in_chunks(work: Callable[[Pose, Int[Array, " chunk"]], Any], pool: Pool, at_once: int = AT_ONCE) -> Any:
     """Apply `work` to the poses of a pool and their frames in chunks of a fixed size; the last one is padded."""
     done = []
     for start in range(0, len(pool), at_once):
@@ -75,6 +81,6 @@ def fit_hypothesis(body: Body, pose: Pose, observed: Observed, scales: Scales) -
 
 @cached_jit
 def _fitted(
-    body: Body, poses: Pose, frames: Int[Array, " n"], stack: Observed, scales: Scales
+    body: Body, poses: Pose, frames: Int[Array | np.ndarray, " n"], stack: Observed, scales: Scales
 ) -> tuple[Pose, Float[Array, " n"]]:
-    return jax.vmap(lambda pose, frame: fit_hypothesis(body, pose, stack.of(frame), scales))(poses, frames)
+    return jax.vmap(lambda pose, frame: fit_hypothesis(body, pose, stack.of(frame), scales))(poses, jnp.asarray(frames))

@@ -8,11 +8,12 @@ from functools import partial
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int
 
 from .._runtime.batching import on_device, single_precision, take
-from .._runtime.compile_cache import cached_jit
+from .._runtime.compile_cache import quickly_compiled
 from ..body import BALL_NAMES, LINKS, SEGMENT_NAMES, Body, Pose, Skeleton, limb_capsules, place_joints
 from ..refinement.terms import Objective, Observed, volume_objective
 from ._fit import fit_pool, fit_scales, in_chunks
@@ -21,8 +22,8 @@ from ._limb_search import Limb, best_pairs, best_single, score_limb, unexplained
 from ._limb_tables import arm_table, leg_table
 from ._start_poses import other_ways
 
-_ARMS, _LEGS = ("l_arm", "r_arm"), ("l_leg", "r_leg")
-_LIMBS = _ARMS + _LEGS
+ARMS, _LEGS = ("l_arm", "r_arm"), ("l_leg", "r_leg")
+_LIMBS = ARMS + _LEGS
 _ARM_SEGMENTS = ("clavicle", "upper_arm", "forearm", "hand")
 # A search is repeated only if it made the pose cheaper by more than this.
 _GAIN = 1.0
@@ -39,7 +40,7 @@ _TRUNK = np.array([i for i, name in enumerate(SEGMENT_NAMES) if name[2:] not in 
 _SOME = 3
 # Poses per batch of the limb search. Larger batches need over 32 MB of temporary memory, which the system then
 # allocates and frees each time.
-_LIMBS_AT_ONCE = 4
+LIMBS_AT_ONCE = 4
 
 _Propose = Callable[[Pose, Array], Pose]
 """Proposes other limbs for poses (axis ``n``) of the given frames; returns poses with axes ``n proposals``."""
@@ -109,12 +110,11 @@ class Model(eqx.Module):
 def make_model(body: Body) -> Model:
     """Prepare a subject for the search."""
     body = single_precision(body)
-    # The arms' balls stay, because some terms index them, but with negative radii, so that they touch nothing.
+    # The arms stay, but with negative radii, so that they touch nothing: one program fits both bodies.
     arms = limb_capsules("l_arm", "r_arm")
     balls = np.isin(np.arange(len(BALL_NAMES)), np.setdiff1d(LINKS[arms], LINKS[~arms]))
-    radii = np.where(balls, -9, body.radii)
-    armless = Body(body.skeleton, body.segments, np.asarray(body.offsets), radii, LINKS[~arms])
-    limbs = {name: Limb(name, (arm_table if name in _ARMS else leg_table)(body.skeleton, name[0])) for name in _LIMBS}
+    armless = eqx.tree_at(lambda b: b.radii, body, np.where(balls, -9, body.radii))
+    limbs = {name: Limb(name, (arm_table if name in ARMS else leg_table)(body.skeleton, name[0])) for name in _LIMBS}
     return Model(body, single_precision(armless), limbs)
 
 
@@ -172,7 +172,7 @@ def _searched(model: Model, search: Search, starts: Pool, stack: Observed, wide:
         return found.joined(other).distinct(search.trunks * search.pairs)
 
     def single(limb: str, poses: Pose, at: Int[Array, " n"]) -> Pose:
-        return _with_single(model, poses, at, stack, limb, search.singles)
+        return with_single(model, poses, at, stack, limb, search.singles)
 
     def settled(found: Pool) -> Pool:
         """Fit the best pose of each frame further."""
@@ -185,8 +185,8 @@ def _searched(model: Model, search: Search, starts: Pool, stack: Observed, wide:
         before = found.cheapest(1).cost
         if turn == 1:
             doubtful = every[before > search.doubtful]
-            found = again(found, doubtful, lambda poses, at: _with_pairs(model, poses, at, stack, _LEGS, search.pairs))
-        for limb in _ARMS:
+            found = again(found, doubtful, lambda poses, at: with_pairs(model, poses, at, stack, _LEGS, search.pairs))
+        for limb in ARMS:
             found = again(found, frames, partial(single, limb))
         frames = every[found.cheapest(1).cost < before - _GAIN]
     return settled(found)
@@ -198,13 +198,13 @@ def _first_found(model: Model, search: Search, starts: Pool, stack: Observed, wi
     trunks = fit_pool(model.armless, starts, stack, fit_scales((0.08, search.rough_steps)))
     if wide:
         # Of every start: before the legs are right, the cost does not tell which trunk is.
-        trunks = _proposed(trunks, lambda poses, at: _with_pairs(model, poses, at, stack, _LEGS, search.pairs))
+        trunks = _proposed(trunks, lambda poses, at: with_pairs(model, poses, at, stack, _LEGS, search.pairs))
         trunks = fit_pool(model.armless, trunks, stack, fit_scales((0.08, search.rough_steps)))
     trunks = trunks.cheapest(search.starts)
     for scale, steps in ((0.08, half), (0.05, search.leg_steps - half)):
         trunks = fit_pool(model.armless, trunks, stack, fit_scales((scale, steps)))
         trunks = take(trunks, select_distinct(trunks, search.trunk_margin, search.trunks, _TRUNK))
-    pairs = _proposed(trunks, lambda poses, at: _with_pairs(model, poses, at, stack, _ARMS, search.pairs))
+    pairs = _proposed(trunks, lambda poses, at: with_pairs(model, poses, at, stack, ARMS, search.pairs))
     return _fitted(model, search, pairs, stack, search.pairs)
 
 
@@ -219,12 +219,17 @@ def _fitted(model: Model, search: Search, pool: Pool, stack: Observed, count: in
 
 def _proposed(pool: Pool, propose: _Propose) -> Pool:
     """All proposals for each hypothesis of a pool, with costs not computed yet."""
-    return pool_of(in_chunks(propose, pool, _LIMBS_AT_ONCE), pool.frame)
+    return pool_of(in_chunks(propose, pool, LIMBS_AT_ONCE), pool.frame)
 
 
-@cached_jit
-def _with_pairs(
-    model: Model, poses: Pose, frames: Int[Array, " n"], stack: Observed, names: tuple[str, str], count: int
+@quickly_compiled
+def with_pairs(
+    model: Model,
+    poses: Pose,
+    frames: Int[Array | np.ndarray, " n"],
+    stack: Observed,
+    names: tuple[str, str],
+    count: int,
 ) -> Pose:
     """Replace two limbs of each pose by their cheapest pairs of table poses (axes ``n count``)."""
     limbs = tuple(model.limbs[name] for name in names)
@@ -236,11 +241,13 @@ def _with_pairs(
         first, second = best_pairs(left, right, count)
         return jax.vmap(lambda i, j: with_limb(with_limb(pose, limbs[0], i), limbs[1], j))(first, second)
 
-    return jax.vmap(one)(poses, frames)
+    return jax.vmap(one)(poses, jnp.asarray(frames))
 
 
-@cached_jit
-def _with_single(model: Model, poses: Pose, frames: Int[Array, " n"], stack: Observed, name: str, count: int) -> Pose:
+@quickly_compiled
+def with_single(
+    model: Model, poses: Pose, frames: Int[Array | np.ndarray, " n"], stack: Observed, name: str, count: int
+) -> Pose:
     """Replace one limb of each pose by its cheapest table poses (axes ``n count``)."""
 
     def one(pose: Pose, frame: Int[Array, ""]) -> Pose:
@@ -249,4 +256,4 @@ def _with_single(model: Model, poses: Pose, frames: Int[Array, " n"], stack: Obs
         scored = score_limb(model.body, pose, model.objective, some, limb, points, costs)
         return jax.vmap(lambda index: with_limb(pose, limb, index))(best_single(scored, count))
 
-    return jax.vmap(one)(poses, frames)
+    return jax.vmap(one)(poses, jnp.asarray(frames))

@@ -17,6 +17,7 @@ import pytest
 from jaxskel._runtime import compile_cache as _kept
 from jaxskel._runtime import private_folders as _private
 from jaxskel._runtime.compile_cache import CachedJit
+from jaxskel._runtime.program_files import usable
 from jaxskel.body import Pose
 
 TRACED: list[str] = []
@@ -135,7 +136,7 @@ def test_a_folder_that_cannot_be_written_is_said_and_does_no_harm(folder: Path):
 
 def spoilt_program(file: Path, mark: Path) -> None:
     """A malicious object that leaves a mark if it is unpickled."""
-    content = pickle.dumps(Marking(mark))
+    content = bytes(32) + pickle.dumps(Marking(mark))
     file.write_bytes(hashlib.sha256(content).digest() + content)
 
 
@@ -176,7 +177,7 @@ def test_what_others_may_have_written_is_not_loaded_and_said_once(folder, capsys
     before = file.read_bytes()
     spoil({"file": file, "folder": folder, "folder of JAX": tmp_path}[what], monkeypatch)
     monkeypatch.setattr(_private, "_said", False)
-    _kept._usable.cache_clear()
+    usable.cache_clear()
     for n in (3, 4):
         CachedJit(solved)(*given(n))
     assert not mark.exists()

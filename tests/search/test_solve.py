@@ -15,7 +15,7 @@ from jaxskel.refinement.terms import place
 from jaxskel.search import Hypotheses, Search, fit_poses, fit_scales, make_model, solve_frames
 from jaxskel.search._gauss_newton import descend
 from jaxskel.search._limb_search import with_limb
-from jaxskel.search._search import _with_pairs, _with_single
+from jaxskel.search._search import with_pairs, with_single
 from jaxskel.synthetic import demo_motion
 
 THIN = eqx.tree_at(lambda b: b.radii, BODY, 0.85 * BODY.radii)
@@ -109,7 +109,7 @@ def test_limbs_that_are_freed_are_found_again(filmed, names):
     for name in names:
         wrong = jax.vmap(lambda pose, limb=model.limbs[name]: with_limb(pose, limb, jnp.asarray(0)))(wrong)
     given = model, wrong, jnp.arange(8), on_device(filmed.observed)
-    found = _with_pairs(*given, names, 4) if len(names) == 2 else _with_single(*given, names[0], 4)
+    found = with_pairs(*given, names, 4) if len(names) == 2 else with_single(*given, names[0], 4)
     ends = {"arm": ("elbow", "hand"), "leg": ("knee", "foot")}
     at = [JOINT_NAMES.index(f"{name[:2]}{end}") for name in names for end in ends[name[2:]]]
     off = [farthest(joints_of(some(found, np.s_[:, i]))[:, at], filmed.joints[:, at]) for i in range(4)]

@@ -1,0 +1,29 @@
+"""Programs that a search will need, loaded or compiled side by side before it asks for them."""
+
+from concurrent.futures import Executor
+
+import numpy as np
+
+from ..body import SEGMENT_NAMES, Pose
+from ..refinement.terms import Observed
+from ._fit import AT_ONCE, fit_ahead
+from ._search import ARMS, LIMBS_AT_ONCE, Model, Search, with_pairs, with_single
+
+
+def fits_ahead(threads: Executor, model: Model, stack: Observed) -> None:
+    """Begin to compile the fits of `solve_frames`, in the order in which it asks for them."""
+    for body in (model.armless, model.body):
+        fit_ahead(threads, body, any_poses(AT_ONCE), stack)
+
+
+def limbs_ahead(threads: Executor, model: Model, search: Search, stack: Observed) -> None:
+    """Begin to compile the proposals of limbs of `solve_frames`, in the order in which it asks for them."""
+    poses, frames = any_poses(LIMBS_AT_ONCE), np.zeros(LIMBS_AT_ONCE, np.int32)
+    with_pairs.ahead(threads, model, poses, frames, stack, ARMS, search.pairs)
+    for limb in ARMS:
+        with_single.ahead(threads, model, poses, frames, stack, limb, search.singles)
+
+
+def any_poses(count: int) -> Pose:
+    """Poses of which only the shapes matter."""
+    return Pose(np.zeros((count, 3), np.float32), np.zeros((count, len(SEGMENT_NAMES), 3, 3), np.float32))
