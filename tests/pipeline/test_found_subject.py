@@ -1,6 +1,8 @@
 """A subject's flesh around a known skeleton, found from silhouettes."""
 
+from concurrent.futures import Executor
 from dataclasses import replace
+from typing import Any
 
 import jax
 import numpy as np
@@ -8,7 +10,9 @@ import pytest
 from support.capsule_films import ADULT, BODY, some
 
 from jaxskel import HullSettings, Prepared, Recording, Settings, default_adult, make_body, prepare
+from jaxskel._runtime.compile_cache import CachedJit, _strong
 from jaxskel.body import BALL_NAMES, Body, flesh_prior, lengths_of, measured_body, place_body
+from jaxskel.pipeline import reconstruct_batch
 from jaxskel.synthetic import camera_ring, demo_motion, render
 
 # Of the demo motion at 5 frames a second: two of a walk, waving, a turn, crane stand, crouch, twice hands on hips.
@@ -40,6 +44,34 @@ def test_a_known_skeleton_is_kept(stout_and_found):
     _, found = stout_and_found
     np.testing.assert_allclose(found.skeleton.rest_joints, ADULT.rest_joints, atol=1e-4)
     np.testing.assert_allclose(found.skeleton.rest_tips, ADULT.rest_tips, atol=1e-4)
+
+
+def test_what_is_compiled_ahead_is_all_that_takes_long(monkeypatch, tmp_path):
+    """Fits, proposals of limbs, adjustments and the refinement are compiled ahead, and nothing is in vain."""
+    begun, called = set(), set()
+
+    def key_of(function: CachedJit, args: tuple, kwargs: dict) -> tuple[str, Any]:
+        leaves, structure = jax.tree.flatten((args, kwargs))
+        return function.__name__, function._key([_strong(leaf) for leaf in leaves], structure)
+
+    def call(function: CachedJit, *args: Any, **kwargs: Any) -> Any:
+        called.add(key_of(function, args, kwargs))
+        return usual(function, *args, **kwargs)
+
+    def ahead(function: CachedJit, threads: Executor, *args: Any, **kwargs: Any) -> None:
+        begun.add(key_of(function, args, kwargs))
+
+    usual = CachedJit.__call__
+    monkeypatch.setattr(CachedJit, "__call__", call)
+    monkeypatch.setattr(CachedJit, "ahead", ahead)
+    monkeypatch.setattr("jaxskel.pipeline._ahead.usable_cores", lambda: 2)
+    monkeypatch.setattr("jaxskel._runtime.compile_cache._folder", lambda: tmp_path)
+    monkeypatch.setattr(CachedJit, "_program", lambda *_: None)  # compiled as without a folder
+    recording, settings = film(BODY), Settings(hull=HullSettings(max_misses=0))
+    reconstruct_batch(recording.silhouettes[:], recording, prepare(recording, settings), settings)
+    long = {"_fitted", "with_pairs", "with_single", "linearised", "_turned", "refine_frames"}
+    assert {name for name, _ in begun} == long
+    assert begun == {key for key in called if key[0] in long}
 
 
 def test_left_mirrors_right(stout_and_found):
