@@ -71,7 +71,9 @@ def test_what_is_compiled_ahead_is_all_that_takes_long(monkeypatch, tmp_path):
     reconstruct_batch(recording.silhouettes[:], recording, prepare(recording, settings), settings)
     long = {"_fitted", "with_pairs", "with_single", "linearised", "_turned", "refine_frames"}
     assert {name for name, _ in begun} == long
-    assert begun == {key for key in called if key[0] in long}
+    assert begun <= called
+    # Legs are searched for in doubtful frames only.
+    assert {name for name, _ in called - begun} & long <= {"with_pairs"}
 
 
 def test_left_mirrors_right(stout_and_found):

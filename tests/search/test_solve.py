@@ -8,7 +8,7 @@ import pytest
 from support.capsule_films import ADULT, BODY, Filmed, film_body, joints_of, some
 
 from jaxskel import Pose
-from jaxskel._runtime.batching import on_device
+from jaxskel._runtime.batching import on_device, single_precision
 from jaxskel.body import JOINT_NAMES, SEGMENT_NAMES
 from jaxskel.refinement.parametrisations import HingedLimbs
 from jaxskel.refinement.terms import place, volume_objective
@@ -125,9 +125,7 @@ def test_limbs_that_are_freed_are_found_again(filmed, names):
 def test_without_arms_no_outline_tells_where_they_are(filmed):
     """The first steps of a search do without arms: wherever these are, they touch nothing."""
     model = make_model(BODY)
-    truth, seen = (
-        jax.tree.map(lambda a: np.asarray(a, np.float32)[1], tree) for tree in (filmed.truth, filmed.observed)
-    )
+    truth, seen = (some(single_precision(tree), 1) for tree in (filmed.truth, filmed.observed))
     arms = np.array([name[2:] in ("upper_arm", "forearm", "hand") for name in SEGMENT_NAMES])
     elsewhere = Pose(truth.root, np.where(arms[:, None, None], np.eye(3, dtype=np.float32), truth.rotations))
     with_arms, without, moved = (
