@@ -4,58 +4,22 @@ import hashlib
 import os
 import pickle
 import warnings
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
 from pathlib import Path
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 import pytest
+from support.cached_functions import TRACED, folder, given, same, solved
 
 from jaxskel._runtime import compile_cache as _kept
 from jaxskel._runtime import private_folders as _private
 from jaxskel._runtime.compile_cache import CachedJit
-from jaxskel._runtime.compiler_options import QUICK, accepted
 from jaxskel._runtime.program_files import usable
-from jaxskel.body import Pose
 
-TRACED: list[str] = []
-
-
-def solved(matrix: jax.Array, right: Pose, times: int = 1, norm: Callable = optx.max_norm) -> dict[str, Pose]:
-    """Has a Cholesky decomposition, a tree of arguments and a tree of results."""
-    TRACED.append("solved")
-    factor = jax.scipy.linalg.cho_factor(matrix)
-    root = times * jax.scipy.linalg.cho_solve(factor, jnp.asarray(right.root))
-    return {"pose": Pose(root, norm(matrix) * jnp.asarray(right.rotations))}
-
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path) -> Iterator[Path]:
-    """JAX told to keep what it compiles, though only we do: it remembers its first folder for good."""
-    before = jax.config.jax_compilation_cache_dir, jax.config.jax_enable_compilation_cache  # pyright: ignore
-    jax.config.update("jax_enable_compilation_cache", False)
-    jax.config.update("jax_compilation_cache_dir", str(tmp_path))
-    TRACED.clear()
-    yield tmp_path / "jaxskel"
-    jax.config.update("jax_compilation_cache_dir", before[0])
-    jax.config.update("jax_enable_compilation_cache", before[1])
-
-
-def given(n: int = 3) -> tuple[np.ndarray, Pose]:
-    rng = np.random.default_rng(n)
-    matrix = rng.normal(size=(n, n)).astype(np.float32)
-    return matrix @ matrix.T + np.eye(n, dtype=np.float32), Pose(
-        rng.normal(size=(n, 3)).astype(np.float32), rng.normal(size=(n, 17, 3, 3)).astype(np.float32)
-    )
-
-
-def same(one: dict[str, Pose], other: dict[str, Pose]) -> bool:
-    assert jax.tree.structure(one) == jax.tree.structure(other)
-    return all(np.array_equal(a, b) for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True))
+__all__ = ["folder"]  # a fixture
 
 
 def test_a_function_from_the_disk_is_not_traced_and_gives_the_same(folder: Path):
@@ -248,69 +212,3 @@ def test_without_a_folder_nothing_is_kept(folder: Path):
         warnings.simplefilter("error")
         CachedJit(solved)(*given())
     assert not folder.exists()
-
-
-def no_compilation(*_: object) -> None:
-    raise AssertionError("a program was compiled again")
-
-
-def test_after_a_change_of_other_code_a_function_is_traced_and_not_compiled(folder, monkeypatch):
-    first = CachedJit(solved)(*given())
-    monkeypatch.setattr(_kept, "_surroundings", lambda: b"another version")
-    monkeypatch.setattr(_kept, "write_program", no_compilation)
-    TRACED.clear()
-    assert same(CachedJit(solved)(*given()), first)
-    assert len(TRACED) == 1
-    assert len(list(folder.iterdir())) == 2
-    # From now on it is not even traced.
-    assert same(CachedJit(solved)(*given()), first)
-    assert len(TRACED) == 1
-
-
-def test_after_a_change_of_the_function_it_is_compiled(folder, monkeypatch):
-    CachedJit(solved)(*given())
-    monkeypatch.setattr(_kept, "write_program", no_compilation)
-    with pytest.raises(AssertionError, match="compiled again"):
-        CachedJit(solved)(*given(), 2)
-
-
-def test_what_is_compiled_ahead_is_not_compiled_again():
-    function = CachedJit(solved)
-    with ThreadPoolExecutor(2) as threads:
-        for _ in range(3):
-            function.ahead(threads, *given())
-        found = function(*given())
-    assert len(TRACED) == 1
-    assert same(found, eqx.filter_jit(solved)(*given()))
-
-
-def test_ahead_nothing_is_compiled_for_switches_that_hold_in_one_thread_only():
-    function = CachedJit(solved)
-    doubles = jax.tree.map(lambda a: a.astype(np.float64), given())
-    with jax.enable_x64(True), ThreadPoolExecutor(1) as threads:
-        function.ahead(threads, *doubles)
-        threads.shutdown()
-        assert TRACED == []
-        assert function(*doubles)["pose"].root.dtype == np.float64
-
-
-def test_a_fault_ahead_is_raised_where_the_function_is_called():
-    function = CachedJit(solved)
-    wrong = given(3)[0], given(4)[1]
-    with ThreadPoolExecutor(1) as threads:
-        function.ahead(threads, *wrong)
-    with pytest.raises(ValueError, match="inconsistent size"):
-        function(*wrong)
-
-
-def test_quickly_compiled_programs_give_the_same():
-    for function in (CachedJit(solved), CachedJit(solved, QUICK)):
-        found = function(*given())
-        np.testing.assert_allclose(found["pose"].root, solved(*given())["pose"].root, rtol=1e-4)
-    jax.config.update("jax_compilation_cache_dir", None)
-    np.testing.assert_array_equal(CachedJit(solved, QUICK)(*given())["pose"].root, found["pose"].root)
-
-
-def test_options_that_the_compiler_does_not_know_are_left_out():
-    assert accepted({"xla_no_such_option": True}) == {}
-    assert accepted(QUICK) in (QUICK, {})

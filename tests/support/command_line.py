@@ -30,7 +30,7 @@ def jaxskel(*arguments: object, cwd: Path) -> subprocess.CompletedProcess:
 
 def by_itself(*arguments: object, cwd: Path, **environment: str) -> subprocess.CompletedProcess:
     """Run in a separate process, as for a user."""
-    command = [sys.executable, "-c", "from jaxskel.cli import main; main()", *map(str, arguments)]
+    command = [sys.executable, "-m", "jaxskel", *map(str, arguments)]
     known = os.environ | {"JAXSKEL_NO_CACHE": "1"} | environment
     known.pop("JAX_COMPILATION_CACHE_DIR", None)
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300, env=known)
