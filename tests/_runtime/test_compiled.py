@@ -79,3 +79,13 @@ def test_quickly_compiled_programs_give_the_same():
 def test_options_that_the_compiler_does_not_know_are_left_out():
     assert accepted({"xla_no_such_option": True}) == {}
     assert accepted(QUICK) in (QUICK, {})
+
+
+def halved(matrix: jax.Array, unused: jax.Array | None = None) -> jax.Array:
+    return matrix / 2
+
+
+def test_an_argument_that_is_not_used_makes_another_program():
+    matrix = given()[0]
+    for more in ((), (matrix,), (given(4)[0],)):
+        np.testing.assert_array_equal(CachedJit(halved)(matrix, *more), matrix / 2)
