@@ -16,8 +16,8 @@ from ._subject import THINNED
 def compile_ahead(skeleton: Skeleton, observed: Observed, settings: Settings) -> None:
     """Begin to compile what a subject with this template needs, in threads; with one core, do nothing.
 
-    Compilation uses one core for each program, and leaves Python free. The longest, the refinement, comes third, so
-    that two threads end at about the same time.
+    Compilation uses one core for each program, and leaves Python free. The longest, the refinement, comes second,
+    so that two threads end at about the same time.
 
     Args:
         skeleton: Template (m).

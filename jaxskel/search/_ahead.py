@@ -11,9 +11,8 @@ from ._search import ARMS, LIMBS_AT_ONCE, Model, Search, with_pairs, with_single
 
 
 def fits_ahead(threads: Executor, model: Model, stack: Observed) -> None:
-    """Begin to compile the fits of `solve_frames`, in the order in which it asks for them."""
-    for body in (model.armless, model.body):
-        fit_ahead(threads, body, any_poses(AT_ONCE), stack)
+    """Begin to compile the fits of `solve_frames`: one program, with arms and without."""
+    fit_ahead(threads, model.body, any_poses(AT_ONCE), stack)
 
 
 def limbs_ahead(threads: Executor, model: Model, search: Search, stack: Observed) -> None:
