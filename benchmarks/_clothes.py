@@ -18,6 +18,9 @@ from jaxskel.synthetic import render
 _Capsule = tuple[Float[np.ndarray, "frames 3"], Float[np.ndarray, "frames 3"], float, float]
 """Centres of the balls at both ends (m), and their radii (m)."""
 _Joints = dict[str, Float[np.ndarray, "frames 3"]]
+# Distances from knee to ankle and from there to the joint ``foot``, as shares of the median distance from knee to foot,
+# on the average adult.
+_SHANK, _INSTEP = 0.87, 0.27
 
 
 def with_clothes(recording: Recording, seed: int) -> Recording:
@@ -74,7 +77,7 @@ def _sleeves(joints: _Joints, size: float, rng: np.random.Generator) -> list[_Ca
 def _trousers(joints: _Joints, size: float, rng: np.random.Generator) -> list[_Capsule]:
     """Around both legs down to the ankles."""
     wide = size * rng.uniform(0.075, 0.10)
-    ankles = {side: _along(joints, side, 1.85) for side in "lr"}
+    ankles = {side: _along(joints, side, 1.9) for side in "lr"}
     upper = [(joints[f"{side}_hip"], joints[f"{side}_knee"], wide * 1.2, wide) for side in "lr"]
     return upper + [(joints[f"{side}_knee"], ankles[side], wide, wide * 0.9) for side in "lr"]
 
@@ -109,10 +112,22 @@ GARMENTS: dict[str, Callable[[_Joints, float, np.random.Generator], list[_Capsul
 
 
 def _along(joints: _Joints, side: str, way: float) -> Float[np.ndarray, "frames 3"]:
-    """A point on a leg: 0 at the hip, 1 at the knee, 2 at the foot."""
-    points = [joints[f"{side}_{name}"] for name in ("hip", "knee", "foot")]
+    """A point on a leg: 0 at the hip, 1 at the knee, 2 at the ankle."""
+    points = [joints[f"{side}_hip"], joints[f"{side}_knee"], _ankle(joints, side)]
     first = min(int(way), 1)
     return points[first] + (way - first) * (points[first + 1] - points[first])
+
+
+def _ankle(joints: _Joints, side: str) -> Float[np.ndarray, "frames 3"]:
+    """The ankle, which is behind the line from the knee to the joint ``foot``, the ball of the foot."""
+    knee, foot = joints[f"{side}_knee"], joints[f"{side}_foot"]
+    down, apart = unit(foot - knee), np.linalg.norm(foot - knee, axis=-1)
+    shank, instep = _SHANK * np.median(apart), _INSTEP * np.median(apart)
+    left = joints["l_hip"] - joints["r_hip"]
+    front = np.cross(down, unit(left - (left * down).sum(-1, keepdims=True) * down))
+    # Of the triangle of knee, ankle and foot all sides are known.
+    far = np.clip((shank**2 - instep**2 + apart**2) / (2 * apart), -shank, shank)
+    return knee + far[:, None] * down - np.sqrt(shank**2 - far**2)[:, None] * front
 
 
 def _shortened(capsules: list[_Capsule], share: float) -> list[_Capsule]:

@@ -41,7 +41,7 @@ from jaxskel.body import (
 from jaxskel.body_calibration import bundle_adjust
 
 AXES = 40
-LEFT_OUT = ("fingertip", "fingers front", "fingers out", "palm ", "finger ", "bag_")
+LEFT_OUT = ("fingertip", "fingers front", "fingers out", "palm ", "finger ", "hem ", "bag_")
 """Of hands only the length to the palm counts, because people open and close their hands."""
 _STEPS = 25
 # Wide priors for flesh (m) and for the direction of fingers (tangent of an angle); lengths and the middle are fixed.

@@ -6,6 +6,7 @@ In: joint positions at rest, or a stature. Out: a `Skeleton`, a `Body`, a `Pose`
 from ._capsule_body import BALL_NAMES as BALL_NAMES
 from ._capsule_body import BALL_SIDES as BALL_SIDES
 from ._capsule_body import FREE_BALLS as FREE_BALLS
+from ._capsule_body import HEM as HEM
 from ._capsule_body import LIKE_BALL as LIKE_BALL
 from ._capsule_body import LINKS as LINKS
 from ._capsule_body import Body as Body

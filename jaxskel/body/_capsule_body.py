@@ -30,8 +30,8 @@ BALL_NAMES = (
     "l_bag_top", "r_bag_top", "l_bag_low", "r_bag_low",
     "l_shoulder", "l_elbow", "l_forearm", "l_wrist", "l_palm", "l_finger",
     "r_shoulder", "r_elbow", "r_forearm", "r_wrist", "r_palm", "r_finger",
-    "l_hip", "l_knee", "l_calf", "l_ankle", "l_heel", "l_ball", "l_toe",
-    "r_hip", "r_knee", "r_calf", "r_ankle", "r_heel", "r_ball", "r_toe",
+    "l_hip", "l_knee", "l_calf", "l_hem", "l_ankle", "l_heel", "l_ball", "l_toe",
+    "r_hip", "r_knee", "r_calf", "r_hem", "r_ankle", "r_heel", "r_ball", "r_toe",
 )  # fmt: skip
 """Balls of the body that [`make_body`][] makes."""
 
@@ -42,6 +42,9 @@ LIKE_BALL = np.array([FREE_BALLS.index(BALL_NAMES.index(name)) for name in _LIKE
 """For each ball, the index in `FREE_BALLS` of the ball that it equals or mirrors."""
 BALL_SIDES = np.array([-1.0 if name.startswith("r_") else 1.0 for name in BALL_NAMES])
 """Sign of y of each ball relative to the ball that it equals or mirrors."""
+
+HEM = 0.8
+"""Share of the way from calf to ankle at which the ball ``hem`` lies, unless clothes make it thicker."""
 
 # The average adult, ball by ball: the segment that carries it; its position as a fraction of the way from one point of
 # the skeleton to another; its shift from there to the front, outwards and up; its radius. Shifts and radii are
@@ -69,6 +72,8 @@ _SIDED_BALLS: dict[str, _Ball] = {
     "hip": ("thigh", ("hip", 0.0, "hip"), (0.014, -0.006, -0.025), 0.064),
     "knee": ("shank", ("knee", 0.0, "knee"), (0.0, 0.0, 0.011), 0.0325),
     "calf": ("shank", ("knee", 0.30, "ankle"), (-0.017, 0.0, 0.003), 0.0355),
+    # Where trousers end. Without them it lies on the way from calf to ankle, see `HEM`.
+    "hem": ("shank", ("knee", 0.86, "ankle"), (-0.009, -0.004, 0.001), 0.0207),
     "ankle": ("foot", ("ankle", 0.0, "ankle"), (-0.007, -0.005, 0.0), 0.017),
     "heel": ("foot", ("ankle", 0.0, "ankle"), (-0.019, 0.0, -0.020), 0.019),
     "ball": ("foot", ("foot", 0.0, "foot"), (-0.004, -0.002, -0.003), 0.0165),
@@ -82,8 +87,8 @@ _SIDED_LINKS = (
     ("seat", "waist"), ("waist", "chest"), ("chest", "girdle"), ("nape", "girdle"), ("chest", "nape"),
     ("bag_top", "bag_low"),
     ("shoulder", "elbow"), ("elbow", "forearm"), ("forearm", "wrist"), ("wrist", "palm"), ("palm", "finger"),
-    ("hip", "knee"), ("knee", "calf"), ("calf", "ankle"), ("ankle", "heel"), ("heel", "ball"), ("ankle", "ball"),
-    ("ball", "toe"),
+    ("hip", "knee"), ("knee", "calf"), ("calf", "hem"), ("hem", "ankle"), ("ankle", "heel"), ("heel", "ball"),
+    ("ankle", "ball"), ("ball", "toe"),
 )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ._capsule_body import BALL_NAMES, BALL_SIDES, FREE_BALLS, LIKE_BALL, Body, make_body
+from ._capsule_body import BALL_NAMES, BALL_SIDES, FREE_BALLS, HEM, LIKE_BALL, Body, make_body
 from ._population import Population, population_of
 from ._skeleton import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES, TIP_PARENTS, Skeleton, default_adult, make_skeleton
 
@@ -47,7 +47,7 @@ class Shape(eqx.Module):
     """Logarithm of each length, in the order of `LENGTH_NAMES`, relative to the template's."""
     fingers: Float[Array | np.ndarray, "2"]
     """Tilt of the left fingers to the front and to the left (tangents); the right fingers mirror it."""
-    balls: Float[Array | np.ndarray, "free=22 4"]
+    balls: Float[Array | np.ndarray, "free=23 4"]
     """Shift of each of `FREE_BALLS` (m, body frame), and increase of its radius (m)."""
 
     @classmethod
@@ -116,7 +116,11 @@ def population_prior(table: Population, template: Skeleton) -> Prior:
     mean[known, 0], rest[known, 0], axes[known] = table.means, table.rest, table.axes
     mean, rest, axes = (size * mean)[:, 0], np.hypot(size * rest, _unlike(template)[:, None])[:, 0], size * axes
     mean[QUANTITIES.index("fingers out")], mean[QUANTITIES.index("fingertip")] = _CLOSED, _SHORTER
-    precision = np.linalg.inv(axes @ axes.T + np.diag(rest**2))
+    covariance = axes @ axes.T + np.diag(rest**2)
+    # The tables have no hem: its flesh lies between those of calf and ankle, but for a deviation of its own.
+    covariance = _BETWEEN @ covariance @ _BETWEEN.T
+    covariance[_HEM, _HEM] += (_FLESH * height) ** 2
+    mean, precision = _BETWEEN @ mean, np.linalg.inv(covariance)
     scale = precision[:, : len(LENGTH_NAMES)].sum(1)
     precision -= np.outer(scale, scale) / scale[: len(LENGTH_NAMES)].sum()
     return Prior(Shape.of(mean), precision)
@@ -169,5 +173,16 @@ def _bones_to() -> Float[np.ndarray, "points=20 bones=19"]:
     return ways
 
 
+def _between() -> Float[np.ndarray, "unknowns unknowns"]:
+    """Indicator matrix that replaces the flesh of the hem by a weighted mean of those of calf and ankle."""
+    matrix = np.eye(len(QUANTITIES))
+    for what in ("front", "out", "up", "radius"):
+        calf, hem, ankle = (QUANTITIES.index(f"{ball} {what}") for ball in ("calf", "hem", "ankle"))
+        matrix[hem, [calf, hem, ankle]] = 1 - HEM, 0.0, HEM
+    return matrix
+
+
 _BONES_TO = _bones_to()
+_BETWEEN = _between()
+_HEM = np.flatnonzero(np.diagonal(_BETWEEN) == 0)
 _FINGERS_TO = _FINGERTIPS - 1

@@ -48,6 +48,9 @@ _POSE = jax.eval_shape(_HINGED.unknowns).size  # traced only: see `fit_scales`
 # a frame's 3600 rays count as only 30 independent measurements, about one for each capsule. In the objective of single
 # frames one ray in ten counts, because there the pose may give way instead of the body.
 _MEASUREMENTS, _DEVIATION = 30, 0.005
+# Where outlines fit worse, because masks are poor, cameras are off or clothes swing, they count less: the median
+# distance times this is the standard deviation of distances that are normally distributed.
+_OF_MEDIAN = 1.48
 _CONTOURS = np.float32(_MEASUREMENTS / _DEVIATION**2)
 # Same ratio to the weight of the contours as in `volume_objective`.
 _INSIDE = _CONTOURS * 7e4 / 1.2e5
@@ -90,6 +93,8 @@ class Linear(eqx.Module):
     residuals: Float[Array, " rows"]
     rows: Float[Array, "rows unknowns"]
     """Derivative of the residuals by the unknowns."""
+    apart: Float[Array, ""]
+    """Median distance between the outlines and the body (m)."""
 
 
 def bundle_adjust(
@@ -120,12 +125,13 @@ def bundle_adjust(
     template = single_precision(template)
     known = None if joints is None else jnp.asarray(joints, jnp.float32)
     adjusted = Adjusted(shape, poses, np.diag(np.full(len(LENGTH_NAMES), np.inf)), np.inf, 0.0)
-    frames, clothing = np.flatnonzero(used), Clothing()
+    frames, clothing, weight = np.flatnonzero(used), Clothing(), np.float32(_CONTOURS)
     for scale in np.maximum(SCALE, _FIRST_SCALE * _NARROWING ** np.arange(steps)).astype(np.float32):
-        weight = np.float32(_CONTOURS / clothing.looseness**2)
-        adjusted = _step(
+        adjusted, apart = _step(
             template, Prior(prior.mean, clothing.precision(prior)), adjusted, observed, frames, known, scale, weight
         )
+        if scale == SCALE:
+            weight = np.float32(_MEASUREMENTS / max(_DEVIATION, _OF_MEDIAN * apart) ** 2)
         clothing = clothing.given(prior, adjusted.shape.vector)
         adjusted = adjusted._replace(clothes=clothing.thickness)
         if adjusted.change < tolerance and scale == SCALE:
@@ -149,7 +155,7 @@ def _step(
     joints: Float[Array, "stack joints=15 3"] | None,
     scale: np.float32,
     weight: np.float32,
-) -> Adjusted:
+) -> tuple[Adjusted, float]:
     start = single_precision(before.shape)
     linear = linearised(template, start, before.poses, observed, joints, scale, weight)
     linear = jax.tree.map(lambda a: np.asarray(a, np.float64), linear)
@@ -180,7 +186,8 @@ def _step(
     of_lengths = slice(len(LENGTH_NAMES))
     covariance = np.linalg.inv(matrix / _ALIKE + prior.precision)[of_lengths, of_lengths]
     # The tips' lengths are ignored here: they affect little else, and converge last.
-    return Adjusted(Shape.of(vector + change), poses, covariance, float(np.abs(change[:8]).max()), before.clothes)
+    after = Adjusted(Shape.of(vector + change), poses, covariance, float(np.abs(change[:8]).max()), before.clothes)
+    return after, float(np.median(linear.apart[frames]))
 
 
 def normal_equations(
@@ -244,7 +251,8 @@ def _linearised(
     own = jnp.concatenate([jnp.ravel(part) for part in (shape.lengths, shape.fingers, shape.balls)])
     (_, residuals), tangent = jax.linearize(retract, jnp.concatenate([_HINGED.unknowns(), own]))
     balls, rows = jax.vmap(tangent, out_axes=-1)(jnp.eye(_POSE + len(own)))
-    return Linear(quadrics.matrix, quadrics.vector, balls, residuals, rows)
+    apart = jnp.median(jnp.abs(contours.nearest(placed, observed)[0].distance))
+    return Linear(quadrics.matrix, quadrics.vector, balls, residuals, rows, apart)
 
 
 def _others(body: Body) -> Objective:

@@ -3,11 +3,12 @@
 import equinox as eqx
 import numpy as np
 import pytest
-from _clothes import GARMENTS, with_clothes
+from _clothes import GARMENTS, _ankle, with_clothes
 from _slim import with_slim_body
 from support.spoilt_rigs import masks_of
 
-from jaxskel import JOINT_NAMES, Recording
+from jaxskel import JOINT_NAMES, Recording, default_adult
+from jaxskel.body import PIVOT_NAMES
 from jaxskel.synthetic import make_scene
 
 
@@ -41,6 +42,15 @@ def test_a_garment_is_near_the_body_and_grows_with_it(scene, garment):
         for point in (start, end):
             assert np.linalg.norm(body - point[:, None], axis=-1).min(1).max() < 0.45
         assert 0.04 < min(first, last)
+
+
+@pytest.mark.parametrize("stature", [1.2, 1.75])
+def test_the_ankle_is_where_the_average_adult_has_it(stature):
+    adult = default_adult(stature)
+    joints = {name: adult.rest_joints[None, number] for number, name in enumerate(JOINT_NAMES)}
+    for side in "lr":
+        expected = adult.pivots[PIVOT_NAMES.index(f"{side}_ankle")]
+        np.testing.assert_allclose(_ankle(joints, side)[0], expected, atol=0.004)
 
 
 def test_clothes_need_joints(scene):

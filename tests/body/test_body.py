@@ -10,6 +10,7 @@ from support.phantoms import pose_of
 from jaxskel import Pose, default_adult
 from jaxskel.body import (
     BALL_NAMES,
+    HEM,
     LINKS,
     SEGMENT_NAMES,
     Skeleton,
@@ -97,7 +98,7 @@ def test_body_holds_its_joints_and_reaches_its_tips():
 
 LIMBS = {
     "l_arm": ("shoulder elbow", "elbow forearm", "forearm wrist", "wrist palm", "palm finger"),
-    "l_leg": ("hip knee", "knee calf", "calf ankle", "ankle heel", "heel ball", "ankle ball", "ball toe"),
+    "l_leg": ("hip knee", "knee calf", "calf hem", "hem ankle", "ankle heel", "heel ball", "ankle ball", "ball toe"),
 }
 
 
@@ -145,3 +146,10 @@ def test_placing_is_the_same_for_one_frame_or_many_in_numpy_or_jax():
         np.testing.assert_allclose(single, ends[frame], atol=2e-6)
     standing = Pose(np.zeros((1, 3)), np.eye(3)[None, None].repeat(17, 1))
     np.testing.assert_allclose(place_body(BODY, standing)[0][0], at_rest(BODY)[LINKS], atol=1e-6)
+
+
+def test_without_trousers_the_hem_lies_on_the_way_from_calf_to_ankle():
+    places = np.column_stack([at_rest(BODY), BODY.radii])
+    for side in ("l_", "r_"):
+        calf, hem, ankle = (places[AT[side + name]] for name in ("calf", "hem", "ankle"))
+        np.testing.assert_allclose(hem, (1 - HEM) * calf + HEM * ankle, atol=0.001)

@@ -8,6 +8,7 @@ import pytest
 from jaxskel import default_adult, make_body
 from jaxskel.body import (
     FREE_BALLS,
+    HEM,
     LENGTH_NAMES,
     MIRROR_JOINTS,
     QUANTITIES,
@@ -168,3 +169,14 @@ def test_balls_of_the_middle_stay_there():
         place = QUANTITIES.index(f"{ball} out")
         assert prior.mean.vector[place] == 0
         assert prior.precision[place, place] > 1e9
+
+
+@pytest.mark.parametrize("stature", [1.2, 1.75])
+@pytest.mark.parametrize("what", ["front", "out", "up", "radius"])
+def test_the_hem_has_the_flesh_of_calf_and_ankle(stature, what):
+    prior = people_prior(ADULT, stature)
+    mix = np.zeros(len(QUANTITIES))
+    mix[[QUANTITIES.index(f"{ball} {what}") for ball in ("calf", "hem", "ankle")]] = 1 - HEM, -1.0, HEM
+    assert mix @ prior.mean.vector == pytest.approx(0.0, abs=1e-9)
+    variance = mix @ np.linalg.solve(prior.precision + 1e-9 * np.eye(len(QUANTITIES)), mix)
+    assert np.sqrt(variance) == pytest.approx(0.001 * stature, rel=0.02)
