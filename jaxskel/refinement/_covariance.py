@@ -1,5 +1,6 @@
 """How well the residuals determine the joints: covariances from the normal equations at a solution."""
 
+from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -35,15 +36,32 @@ def joint_covariance(
     """
     fixed, start = objective.correspond(parametrisation.placed(base, skeleton), observed), parametrisation.unknowns()
 
-    def varied(unknowns: Float[Array, " unknowns"]) -> tuple[dict[str, Array], Float[Array, "joints=15 3"]]:
-        body = parametrisation.reached(unknowns, base, skeleton)
+    def residuals(unknowns: Float[Array, " unknowns"]) -> dict[str, Array]:
         kept = parametrisation.constraint_residuals(parametrisation.retract(unknowns, base, skeleton), skeleton)
-        return objective.residuals(body, observed, fixed) | kept, body.joints
+        return objective.residuals(parametrisation.reached(unknowns, base, skeleton), observed, fixed) | kept
 
-    (residuals, _), slope = jax.linearize(varied, start)
-    equations = NormalEquations.of(start, residuals, lambda change: slope(change)[0])
-    moved = jax.vmap(lambda change: slope(change)[1], out_axes=-1)(jnp.eye(len(start), dtype=start.dtype))
+    return spread(equations_at(residuals, start), parametrisation, start, base, skeleton)
+
+
+def equations_at(
+    residuals: Callable[[Float[Array, " unknowns"]], dict[str, Array]], unknowns: Float[Array, " unknowns"]
+) -> NormalEquations:
+    """Normal equations of residuals, linearised at some unknowns."""
+    found, slope = jax.linearize(residuals, unknowns)
+    return NormalEquations.of(unknowns, found, slope)
+
+
+def spread(
+    equations: NormalEquations,
+    parametrisation: Parametrisation,
+    unknowns: Float[Array, " unknowns"],
+    base: Any,
+    skeleton: Skeleton,
+) -> Float[Array, "joints=15 3 3"]:
+    """Covariance of the joints where normal equations have been formed: at some unknowns, relative to a base."""
+    _, slope = jax.linearize(lambda some: parametrisation.reached(some, base, skeleton).joints, unknowns)
+    moved = jax.vmap(slope, out_axes=-1)(jnp.eye(len(unknowns), dtype=unknowns.dtype))
     damped = equations.matrix + jnp.diag(_UNSEEN + _RELATIVE * jnp.diagonal(equations.matrix))
     factor = jax.scipy.linalg.cho_factor(damped, lower=True)
-    spread = jax.scipy.linalg.cho_solve(factor, moved.reshape(-1, len(start)).T)
-    return jnp.einsum("jau,ujb->jab", moved, spread.reshape(len(start), *moved.shape[:2]))
+    solved = jax.scipy.linalg.cho_solve(factor, moved.reshape(-1, len(unknowns)).T)
+    return jnp.einsum("jau,ujb->jab", moved, solved.reshape(len(unknowns), *moved.shape[:2]))

@@ -11,8 +11,9 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._runtime.compile_cache import cached_jit
 from ..body import Pose, Skeleton
-from ._covariance import joint_covariance
+from ._covariance import equations_at, spread
 from .parametrisations import Parametrisation
+from .solvers import NormalEquationsLM
 from .terms import Objective, Observed
 
 Solver = optx.AbstractLeastSquaresSolver | optx.AbstractMinimiser
@@ -61,7 +62,7 @@ def refine_frame(
         return found | parametrisation.constraint_residuals(parametrisation.retract(unknowns, base, skeleton), skeleton)
 
     # Correspondences change between solves only: an argmin inside the residual keeps the solver from converging.
-    def one_round(base: Any, _: None) -> tuple[Any, tuple[Array, Array]]:
+    def one_round(base: Any, _: None) -> tuple[Any, tuple[Array, Array, Array]]:
         fixed = objective.correspond(parametrisation.placed(base, skeleton), observed)
         solution = optx.least_squares(
             residuals,
@@ -71,19 +72,26 @@ def refine_frame(
             max_steps=max_steps,
             throw=False,
         )
+        # This package's solver has the equations at its solution. They need not be formed again, which would take as
+        # long to compile as the solve.
+        equations = (
+            solution.state.equations
+            if isinstance(solver, NormalEquationsLM)
+            else equations_at(lambda unknowns: residuals(unknowns, (base, fixed)), solution.value)
+        )
+        covariance = spread(equations, parametrisation, solution.value, base, skeleton)
         base = parametrisation.settled(parametrisation.retract(solution.value, base, skeleton), skeleton)
-        return base, (solution.result == optx.RESULTS.successful, solution.stats["num_steps"])
+        return base, (solution.result == optx.RESULTS.successful, solution.stats["num_steps"], covariance)
 
     start = parametrisation.begin(jax.tree.map(jnp.asarray, initial), skeleton)
-    base, (converged, steps) = jax.lax.scan(one_round, start, None, length=rounds)
+    base, (converged, steps, covariance) = jax.lax.scan(one_round, start, None, length=rounds)
     costs = objective.costs(parametrisation.placed(base, skeleton), observed)
     costs |= {name: (rows**2).sum() for name, rows in parametrisation.constraint_residuals(base, skeleton).items()}
     # With NaN data the solver stays at its start: the pose is finite then, but its costs are not.
     finite = jnp.isfinite(ravel_pytree((base, list(costs.values())))[0]).all()
     base = jax.tree.map(lambda new, old: jnp.where(finite, new, old), base, start)
     body, pose = parametrisation.placed(base, skeleton), parametrisation.pose(base, skeleton)
-    covariance = joint_covariance(objective, parametrisation, base, skeleton, observed)
-    return Refined(pose, body.joints, body.tips, covariance, costs, converged[-1] & finite, finite, steps[-1])
+    return Refined(pose, body.joints, body.tips, covariance[-1], costs, converged[-1] & finite, finite, steps[-1])
 
 
 @cached_jit
