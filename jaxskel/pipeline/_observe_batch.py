@@ -13,7 +13,7 @@ from jaxtyping import Float, Int, UInt8
 
 from ..body import Skeleton
 from ..graph import SkeletalGraph, person_graphs
-from ..hull import Seen, Stopwatch, middles_of_people, see_people
+from ..hull import FRAMES_PER_WORD, Seen, Stopwatch, middles_of_people, see_people
 from ..matching import Limbs, labelled_limbs
 from ..refinement.terms import Observed
 from ._evidence import observed_volume
@@ -62,6 +62,7 @@ def observe_batch(
     outlines: bool = True,
     template: Callable[[list[SkeletalGraph]], Skeleton] | None = None,
     stopwatch: Stopwatch = lambda _: nullcontext(),
+    at_once: int = FRAMES_PER_WORD,
 ) -> Observation:
     """Observe a batch of at most 32 frames.
 
@@ -73,9 +74,10 @@ def observe_batch(
         outlines: Whether to compute the outlines of the silhouettes.
         template: Function from the graphs to the template that labels them; by default the prepared template.
         stopwatch: Times the stages ``carve``, ``graph``, ``match`` and ``observe``.
+        at_once: Frames that are carved at once, see `carve`.
     """
     seen = see_people(
-        silhouettes, prepared.cameras, prepared.table, prepared.edge, prepared.max_misses, stopwatch
+        silhouettes, prepared.cameras, prepared.table, prepared.edge, prepared.max_misses, stopwatch, at_once
     )  # fmt: skip
     observation = Observation(silhouettes, seen)
     if len(seen.frames) == 0:

@@ -23,6 +23,8 @@ from ._start_poses import start_poses as start_poses
 from ._track import Proposed as Proposed
 from ._track import Track as Track
 from ._track import Tracking as Tracking
+from ._track import due_for_search as due_for_search
+from ._track import follow_frame as follow_frame
 from ._track import track_frames as track_frames
 from ._uncertainty import SAME_PLACE as SAME_PLACE
 from ._uncertainty import Uncertainty as Uncertainty

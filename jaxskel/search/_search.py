@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int
 
-from .._runtime.batching import on_device, single_precision, take
+from .._runtime.batching import length_of, on_device, single_precision, take
 from .._runtime.compile_cache import quickly_compiled
 from ..body import BALL_NAMES, LINKS, SEGMENT_NAMES, Body, Pose, Skeleton, limb_capsules, place_joints
 from ..refinement.terms import Objective, Observed, volume_objective
@@ -149,7 +149,7 @@ def solve_frames(
 
     def around(frames: Int[np.ndarray, " some"]) -> Pose:
         best = found.rows(frames, 1).best
-        joints = np.asarray(place_joints(model.skeleton, on_device(best))[0])
+        joints = np.asarray(place_joints(model.skeleton, on_device(best, length_of(stack)))[0])
         return other_ways(joints[: len(frames)], model.skeleton)
 
     found = searched(starts, frames, wide=False)

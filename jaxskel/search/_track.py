@@ -7,9 +7,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
-from .._runtime.batching import on_device, single_precision, take
+from .._runtime.batching import length_of, on_device, single_precision, take
 from .._runtime.compile_cache import cached_jit
 from ..body import Pose, place_joints
 from ..refinement.terms import Observed
@@ -17,8 +17,6 @@ from ._fit import Scales, fit_hypothesis, fit_scales
 from ._hypotheses import Hypotheses, Pool, pool_of
 from ._search import Model, Search, cost_threshold, solve_frames
 
-# Frames per batch that is tracked forwards and backwards.
-TRACKED_FRAMES = 32
 # Number of past costs in the running median.
 _RECENT = 90
 # Two poses are the same if no joint differs by more than this (m).
@@ -70,11 +68,12 @@ def track_frames(
     fallback: Pose,
     observed: Observed,
 ) -> tuple[Hypotheses, Float[np.ndarray, " frames"], Track]:
-    """Estimate the poses of up to `TRACKED_FRAMES` consecutive frames.
+    """Estimate the poses of consecutive frames: of up to 32, or of one that arrives by itself.
 
     A full search runs at regular intervals, in frames that cost more than is usual for the subject, and in frames where
     a joint moves suspiciously far. From the poses found, the track runs forwards and backwards. Where the two differ,
-    the path that is cheaper over all frames wins, so the sequence as a whole decides between left and right.
+    the path that is cheaper over all frames wins, so the sequence as a whole decides between left and right. A stack of
+    one frame has no way back.
 
     Args:
         model: The subject.
@@ -84,14 +83,14 @@ def track_frames(
         track: State after the frames before; None at the start.
         propose: Returns the start poses for the given frame indices.
         fallback: As for `solve_frames`.
-        observed: Outlines and silhouettes, with a leading axis ``frames``.
+        observed: Outlines and silhouettes, with a leading axis ``frames``, see `on_device`.
 
     Returns:
-        Two hypotheses for each frame, the chosen one first; the confidence of the latest search in left and right
-        (0.5..1); and the new tracking state.
+        Two hypotheses for each frame, the chosen one first, or one in a stack of one frame; the confidence of the
+        latest search in left and right (0.5..1); and the new tracking state.
     """
     count = len(fallback.root)
-    every = max(1, round(tracking.interval * fps))
+    every = _between_searches(tracking, fps)
     since = every if track is None else track.since
     searched = np.flatnonzero((np.arange(count) + 1 + since) % every == 0) if every > 1 else np.arange(count)
     if track is None:
@@ -108,31 +107,73 @@ def track_frames(
     offers = pool_of(jax.tree.map(lambda a: a[:, :1], fallback), np.arange(count))
     if len(searched):
         offers = offers.joined(searched_in(searched)).cheapest(1)
-    costs = np.zeros(0) if track is None else track.costs
     found = _best_track(model, tracking, track, offers, stack)
-    usual = float(np.median(np.concatenate([costs, found.cost[:, 0]])[-_RECENT:]))
-    places = _places(model, found.best)
-    start = places[0] if track is None else _last_place(model, track)
-    moved = np.linalg.norm(np.diff(places, axis=0, prepend=start[None]), axis=-1).max(-1)
-    lost = np.setdiff1d(np.flatnonzero((found.cost[:, 0] > cost_threshold(usual)) | (moved > _FAR)), searched)
+    lost = np.setdiff1d(np.flatnonzero(_suspicious(model, track, found)), searched)
     if len(lost):
         offers = offers.joined(searched_in(lost)).cheapest(1)
         found = _best_track(model, tracking, track, offers, stack)
-    last, before = (jax.tree.map(lambda a, i=i: a[max(count - i, 0)], found.best) for i in (1, 2))
-    if count == 1 and track is not None:
-        before = track.last
-    costs = np.concatenate([costs, found.cost[:, 0]])[-_RECENT:]
     # Each frame takes the confidence of the latest search before it.
     latest = np.maximum.accumulate(np.where(np.isnan(sides), -1, np.arange(count)))
     sides = np.where(latest >= 0, sides[latest], 0.5 if track is None else track.sides)
-    return found, sides, Track(last, before, (since + count) % every, costs, float(sides[-1]))
+    return found, sides, _after(track, found, (since + count) % every, float(sides[-1]))
+
+
+def follow_frame(
+    model: Model, tracking: Tracking, fps: float, track: Track, observed: Observed
+) -> tuple[Hypotheses, Float[np.ndarray, "frames=1"], Track] | None:
+    """Follow the person into one more frame without a search; None where `track_frames` would search in it.
+
+    Arguments and results are those of `track_frames`; `observed` is a stack of one frame.
+    """
+    every = _between_searches(tracking, fps)
+    if (track.since + 1) % every == 0:
+        return None
+    nothing = pool_of(jax.tree.map(lambda a: np.asarray(a)[None, None], track.last), np.zeros(1, int))
+    found = _best_track(model, tracking, track, nothing, on_device(observed, 1))
+    if _suspicious(model, track, found).any():
+        return None
+    return found, np.array([track.sides]), _after(track, found, track.since + 1, track.sides)
+
+
+def due_for_search(track: Track) -> Track:
+    """The same track, with a full search in the next frame."""
+    return eqx.tree_at(lambda t: t.since, track, -1)
+
+
+def _between_searches(tracking: Tracking, fps: float) -> int:
+    """Frames from one full search to the next."""
+    return max(1, round(tracking.interval * fps))
+
+
+def _suspicious(model: Model, track: Track | None, found: Hypotheses) -> Bool[np.ndarray, " frames"]:
+    """Frames that cost more than is usual for the subject, or in which a joint moves suspiciously far."""
+    usual = float(np.median(_costs_after(track, found)))
+    places = _places(model, found.best)
+    start = places[0] if track is None else _last_place(model, track)
+    moved = np.linalg.norm(np.diff(places, axis=0, prepend=start[None]), axis=-1).max(-1)
+    return (found.cost[:, 0] > cost_threshold(usual)) | (moved > _FAR)
+
+
+def _costs_after(track: Track | None, found: Hypotheses) -> Float[np.ndarray, " recent"]:
+    costs = np.zeros(0) if track is None else track.costs
+    return np.concatenate([costs, found.cost[:, 0]])[-_RECENT:]
+
+
+def _after(track: Track | None, found: Hypotheses, since: int, sides: float) -> Track:
+    """State after the frames found."""
+    count = len(found.cost)
+    last, before = (jax.tree.map(lambda a, i=i: a[max(count - i, 0)], found.best) for i in (1, 2))
+    if count == 1 and track is not None:
+        before = track.last
+    return Track(last, before, since, _costs_after(track, found), sides)
 
 
 def _best_track(model: Model, tracking: Tracking, track: Track | None, offers: Pool, stack: Observed) -> Hypotheses:
     count = len(offers)
     first = jax.tree.map(lambda a: a[0], offers.poses)
     last, before = (first, first) if track is None else (track.last, track.before)
-    frames = np.minimum(np.arange(TRACKED_FRAMES), count - 1)
+    length = length_of(stack)
+    frames = np.minimum(np.arange(length), count - 1)
     half = tracking.steps // 2
     scales = fit_scales((0.08, half), (0.04, tracking.steps - half))
 
@@ -144,8 +185,10 @@ def _best_track(model: Model, tracking: Tracking, track: Track | None, offers: P
         return jax.tree.map(lambda a: np.asarray(a)[:count], found)
 
     forwards, cost = follow(frames, last, before)
+    if length == 1:
+        return Hypotheses(jax.tree.map(lambda a: a[:, None], forwards), cost[:, None])
     end = jax.tree.map(lambda a: a[-1], forwards)
-    back = np.maximum(np.arange(count - 1, count - 1 - TRACKED_FRAMES, -1), 0)
+    back = np.maximum(np.arange(count - 1, count - 1 - length, -1), 0)
     backwards, other = jax.tree.map(lambda a: a[::-1], follow(back, end, end))
     places = np.stack([_places(model, forwards), _places(model, backwards)], 1)
     costs = np.stack([cost, other], 1)
