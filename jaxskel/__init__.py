@@ -42,6 +42,7 @@ from .pipeline import Prepared as Prepared
 from .pipeline import RefinementProblem as RefinementProblem
 from .pipeline import RefinementSettings as RefinementSettings
 from .pipeline import Settings as Settings
+from .pipeline import Stream as Stream
 from .pipeline import calibrate_body as calibrate_body
 from .pipeline import observe_batch as observe_batch
 from .pipeline import paper_settings as paper_settings

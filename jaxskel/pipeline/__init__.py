@@ -26,3 +26,4 @@ from ._settings import MatchingSettings as MatchingSettings
 from ._settings import RefinementSettings as RefinementSettings
 from ._settings import Settings as Settings
 from ._settings import paper_settings as paper_settings
+from ._stream import Stream as Stream
