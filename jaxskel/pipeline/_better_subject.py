@@ -3,6 +3,7 @@
 import os
 import pickle
 from collections.abc import Callable
+from threading import Thread
 from typing import Any
 
 import equinox as eqx
@@ -37,6 +38,7 @@ class BetterSubject:
         self._frames: list[UInt8[np.ndarray, "cams h w8"]] = []
         self._postures: list[Float[np.ndarray, "joints=15 3"]] = []
         self._worker: WorkerProcess | None = None
+        self._giving = Thread()
         self._busy = False
         self._rounds = list(_AGAIN)
 
@@ -54,7 +56,9 @@ class BetterSubject:
             self._rounds = [count for count in self._rounds if count > len(self._frames)]
             # The last core: the stream itself begins at the first one.
             self._worker = self._worker or WorkerProcess(-1, self._work)
-            self._worker.give(np.stack(self._frames))
+            # In a thread, because the process does not read before it has started.
+            self._giving = Thread(target=self._worker.give, args=(np.stack(self._frames),), daemon=True)
+            self._giving.start()
             self._busy = True
 
     def found(self) -> Prepared | None:
@@ -77,6 +81,8 @@ class BetterSubject:
         """End the process; nothing more will be found."""
         self._rounds, self._busy = [], False
         if self._worker is not None:
+            self._worker.process.kill()
+            self._giving.join()  # a dead process ends it
             self._worker.end()
             self._worker = None
 

@@ -47,29 +47,32 @@ def prepare(recording: Recording, settings: Settings, *, calibrate: bool = True)
     return with_model(prepared, settings) if calibrate else prepared
 
 
-def place(recording: Recording, settings: Settings, grid: VoxelGrid | None = None) -> Prepared:
+def place(
+    recording: Recording, settings: Settings, grid: VoxelGrid | None = None, at_once: int = FRAMES_PER_WORD
+) -> Prepared:
     """Place the grid, project it into the cameras and choose the tolerance of carving: `prepare` without the subject.
 
     Template and body are those given, or average ones. A `grid` that is given, in a world with z up, is taken as it is.
+    `at_once` is the number of frames that are carved at once, see `carve`.
     """
     to_z_up = rotation_to_z_up(recording.up)
     cameras = recording.cameras.rotated(to_z_up)
     silhouettes = recording.silhouettes
     min_views = _min_views(settings, cameras)
     empty_views = find_empty_views(silhouette_areas(silhouettes), cameras)
-    box = None
+    box = None if grid is None else np.stack([np.asarray(grid.origin), grid.upper])
     if settings.hull.box is not None:
         corners = settings.hull.box @ to_z_up.T  # the rotation only exchanges axes
         box = np.stack([corners.min(0), corners.max(0)])
     max_misses = settings.hull.max_misses
     if max_misses is None:
-        max_misses = judge_misses(cameras, silhouettes, empty_views, min_views, box)
+        max_misses = judge_misses(cameras, silhouettes, empty_views, min_views, box, at_once)
     elif max_misses > len(cameras) - min_views:
         raise ValueError(
             f"{recording.name}: max_misses (--max-misses) {max_misses}: at least {min_views} of {len(cameras)} cameras "
             f"must see a person; give {len(cameras) - min_views} or less"
         )
-    if grid is None and box is not None:
+    if box is not None and grid is None:
         grid = make_grid(box[0], box[1], settings.hull.spacing)
     elif grid is None:
         grid = place_grid(cameras, silhouettes, empty_views, settings.hull.spacing, min_views, max_misses)
@@ -100,7 +103,9 @@ def _min_views(settings: Settings, cameras: Cameras) -> int:
     return settings.hull.min_views or (3 if len(cameras) >= 6 else 2)
 
 
-def with_subject(prepared: Prepared, recorded: Silhouettes, settings: Settings, calibrate: bool) -> Prepared:
+def with_subject(
+    prepared: Prepared, recorded: Silhouettes, settings: Settings, calibrate: bool, at_once: int = FRAMES_PER_WORD
+) -> Prepared:
     """The same with the subject as some frames show it; unchanged if they show nobody, or nothing is to be found."""
     calibrating = calibrate and settings.search is not None and settings.body is None
     if prepared.table is None or (prepared.skeleton_is_known and not calibrating):
@@ -108,8 +113,9 @@ def with_subject(prepared: Prepared, recorded: Silhouettes, settings: Settings, 
     chosen = np.unique(np.linspace(0, len(recorded) - 1, SUBJECT_FRAMES).astype(int))
     assert len(chosen) <= FRAMES_PER_WORD
     found = observe_batch(
-        recorded[chosen], prepared, settings, outlines=calibrating, template=lambda graphs: _template(graphs, prepared)
-    )
+        recorded[chosen], prepared, settings, outlines=calibrating, at_once=at_once,
+        template=lambda graphs: _template(graphs, prepared),
+    )  # fmt: skip
     if found.labelled is None:
         return prepared
     skeleton = found.labelled.skeleton

@@ -26,6 +26,14 @@ from ._settings import Settings
 _COARSE = 0.03
 
 
+def streaming(settings: Settings | None) -> Settings:
+    """Settings as a stream uses them: tracking by default, and no finer voxels than a search needs."""
+    settings = settings or Settings(tracking=Tracking())
+    if settings.search is None:
+        return settings
+    return replace(settings, hull=replace(settings.hull, spacing=max(settings.hull.spacing, _COARSE)))
+
+
 class Stream:
     """Reconstructs a person from frames that come one by one, each by what was seen before it.
 
@@ -66,9 +74,7 @@ class Stream:
         if not 0 < fps < np.inf:
             raise ValueError(f"a stream of {fps} frames per second: give a positive number")
         rotation_to_z_up(up)  # refuses what is no axis
-        settings = settings or Settings(tracking=Tracking())
-        if settings.search is not None:
-            settings = replace(settings, hull=replace(settings.hull, spacing=max(settings.hull.spacing, _COARSE)))
+        settings = streaming(settings)
         if isinstance(subject, Body):
             settings, subject = replace(settings, body=subject), subject.skeleton
         width, height = cameras.size.max(0).tolist()
@@ -131,14 +137,14 @@ class Stream:
             cameras = self._empty.cameras.rotated(rotation_to_z_up(self._empty.up))
             middle = _middle(silhouettes, cameras)
             if middle is None:
-                return place(frame, self._settings)
+                return place(frame, self._settings, at_once=1)
             grid = None if self._settings.hull.box is not None else grid_around(middle, self._settings.hull.spacing)
-            self._prepared = with_model(place(frame, self._settings, grid), self._settings)
+            self._prepared = with_model(place(frame, self._settings, grid, at_once=1), self._settings)
         self._follow(silhouettes)
         if self._better is not None:
             self._improve(self._better.found())
         if not self._found:
-            found = with_subject(self._prepared, silhouettes, self._settings, calibrate=True)
+            found = with_subject(self._prepared, silhouettes, self._settings, calibrate=True, at_once=1)
             if found is not self._prepared:
                 self._prepared, self._found = with_model(found, self._settings), True
         return self._prepared
