@@ -12,7 +12,7 @@ from .._math.gaussians import deviation_for
 from .._runtime.batching import length_of, on_device, padded, single_precision, take
 from ..body import Body, Pose, Skeleton, place_joints
 from ..graph import SkeletalGraph, forest_of
-from ..hull import FRAMES_PER_WORD, Seen, Stopwatch, trust_views
+from ..hull import FRAMES_PER_WORD, Seen, Stopwatch
 from ..matching import L_FOOT, R_FOOT, Limbs, joint_confidence, template_ends
 from ..refinement import Refined
 from ..refinement.terms import Objective, Observed
@@ -22,22 +22,28 @@ from ..search import (
     Hypotheses,
     Proposed,
     Search,
+    Searched,
+    Steps,
     Track,
     Uncertainty,
+    begun,
     cost_threshold,
-    due_for_search,
     follow_frame,
     graphless_poses,
     initial_poses,
+    lost,
     make_model,
+    must_be_found,
+    search_is_due,
     searched_uncertainty,
     solve_frames,
+    solving,
     start_poses,
     track_frames,
     unexplained_shares,
 )
 from ._evidence import observed_graph
-from ._observe_batch import Labelled, Observation, draw_graphs, label_graphs, look_at_outlines, observe_batch
+from ._observe_batch import Labelled, Observation, draw_graphs, label_graphs, observe_batch
 from ._prepared import Prepared
 from ._settings import Settings
 
@@ -80,10 +86,12 @@ def start_of(
     """
     search, tracking = settings.search, settings.tracking
     if at_once == 1 and track is not None and not objective.needs_graph:
-        followed = _by_following(silhouettes, fps, prepared, settings, track, stopwatch)
+        followed = None
+        if not must_be_found(track):
+            followed = _by_following(silhouettes, fps, prepared, settings, track, stopwatch)
         if followed is not None:
             return followed
-        track = due_for_search(track)
+        track = lost(track)
     # With tracking, only frames with a full search need graphs, unless the objective uses them.
     found = observe_batch(
         silhouettes, prepared, settings, label=tracking is None or objective.needs_graph, outlines=search is not None,
@@ -158,21 +166,39 @@ def _by_following(
     track: Track,
     stopwatch: Stopwatch,
 ) -> tuple[Seen, Start | None, Track] | None:
-    """Start from the pose of the frame before, without a hull; None where the frame must be searched in."""
-    assert settings.tracking is not None
-    seen = trust_views(silhouettes, prepared.cameras)
-    if len(seen.frames) == 0:
-        return seen, None, track
-    outlines = look_at_outlines(Observation(silhouettes, seen), prepared, stopwatch).outlines
-    assert outlines is not None
-    observed = on_device(outlines.observed, 1)
+    """Start from the pose of the frame before; None where the frame must be searched in.
+
+    Where a search is due, the frame is carved, and the search begins; it goes on, step by step, in the next frames.
+    """
+    search, tracking, skeleton = settings.search, settings.tracking, prepared.skeleton
+    assert search is not None
+    assert tracking is not None
+    due = search_is_due(tracking, fps, track)
+    found = observe_batch(silhouettes, prepared, settings, label=False, carved=due, stopwatch=stopwatch, at_once=1)
+    if len(found.seen.frames) == 0:
+        return found.seen, None, track
+    assert found.outlines is not None
+    observed, middles = on_device(found.outlines.observed, 1), found.outlines.middles
+    model = prepared.model or make_model(prepared.body)
+
+    def steps() -> Steps[Searched]:
+        graphs = draw_graphs(found.seen, np.arange(1), prepared, settings, stopwatch)
+        yield
+        limbs, facing, sides = label_graphs(graphs, skeleton, settings, stopwatch)[2:]
+        yield
+        how = search.relative_to(None if prepared.costs is None else prepared.costs.low)
+        starts, fallback = start_poses(limbs, facing, skeleton), graphless_poses(middles, skeleton)
+        best = yield from solving(model, how, starts, fallback, observed)
+        return Searched(jax.tree.map(lambda a: a[0], best.best), float(best.cost[0, 0]), float(sides[0]))
+
     with stopwatch("search"):
-        model = prepared.model or make_model(prepared.body)
-        found = follow_frame(model, settings.tracking, fps, track, observed)
-        if found is None:
+        followed = follow_frame(model, tracking, track, observed)
+        if followed is None:
             return None
-        hypotheses, sides, track = found
-        return seen, _start_from(hypotheses, observed, sides, prepared), track
+        hypotheses, sides, track = followed
+        if due:
+            track = begun(track, hypotheses, steps())
+        return found.seen, _start_from(hypotheses, observed, sides, prepared), track
 
 
 def _start_from(

@@ -13,7 +13,7 @@ from ..cameras import Cameras
 from ..hull import body_middles
 from ..poses import Poses
 from ..recording import MIN_VIEWS, Recording, find_empty_views, rotation_to_z_up, silhouette_areas
-from ..search import Track, Tracking, due_for_search
+from ..search import Track, Tracking, lost
 from ._better_subject import BetterSubject
 from ._following_grid import grid_around, is_left
 from ._prepare import place, with_grid, with_model, with_subject
@@ -109,7 +109,7 @@ class Stream:
         )
         with_pose = bool(poses.has_pose[0])
         self._middle = poses.joints[0, 0] @ prepared.to_z_up.T if with_pose else None
-        self._track = track if track is None or with_pose else due_for_search(track)
+        self._track = track if track is None or with_pose else lost(track)
         if self._better is not None:
             self._better.see(silhouettes, poses)
         poses = eqx.tree_at(lambda p: p.frame_index, poses, np.array([self._count]))
@@ -170,7 +170,7 @@ class Stream:
             self._prepared = with_grid(better, table.grid, table.size, self._settings)
         self._found = True
         if self._track is not None:
-            self._track = eqx.tree_at(lambda t: t.costs, due_for_search(self._track), np.zeros(0))
+            self._track = eqx.tree_at(lambda t: t.costs, lost(self._track), np.zeros(0))
 
 
 def _middle(silhouettes: UInt8[np.ndarray, "frames=1 cams h w8"], cameras: Cameras) -> Float[np.ndarray, "3"] | None:

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -16,6 +15,7 @@ from ..refinement.terms import Observed
 from ._fit import Scales, fit_hypothesis, fit_scales
 from ._hypotheses import Hypotheses, Pool, pool_of
 from ._search import Model, Search, cost_threshold, solve_frames
+from ._track_state import Track, Tracking
 
 # Number of past costs in the running median.
 _RECENT = 90
@@ -23,30 +23,6 @@ _RECENT = 90
 _SAME = 0.05
 # If a joint moves farther than this between two frames (m), the track may be lost, and the frame is searched in.
 _FAR = 0.2
-
-
-class Tracking(eqx.Module):
-    """Settings of tracking."""
-
-    interval: float = 0.25
-    """Time between two full searches (s): the longest time that the track can follow a pose that another one beats."""
-    steps: int = 6
-    """Steps of the fit that starts at the pose of the frame before."""
-    margin: float = 2.0
-    """Hysteresis: the track switches to another pose only if that is cheaper by this cost."""
-
-
-class Track(eqx.Module):
-    """State of tracking after the last frame."""
-
-    last: Pose
-    before: Pose
-    since: int
-    """Frames since the last full search."""
-    costs: Float[np.ndarray, " recent"]
-    """Costs of the most recent poses."""
-    sides: float = 0.5
-    """Confidence of the last full search that left and right are not exchanged (0.5..1)."""
 
 
 class Proposed(NamedTuple):
@@ -90,7 +66,7 @@ def track_frames(
         latest search in left and right (0.5..1); and the new tracking state.
     """
     count = len(fallback.root)
-    every = _between_searches(tracking, fps)
+    every = between_searches(tracking, fps)
     since = every if track is None else track.since
     searched = np.flatnonzero((np.arange(count) + 1 + since) % every == 0) if every > 1 else np.arange(count)
     if track is None:
@@ -107,45 +83,28 @@ def track_frames(
     offers = pool_of(jax.tree.map(lambda a: a[:, :1], fallback), np.arange(count))
     if len(searched):
         offers = offers.joined(searched_in(searched)).cheapest(1)
-    found = _best_track(model, tracking, track, offers, stack)
-    lost = np.setdiff1d(np.flatnonzero(_suspicious(model, track, found)), searched)
+    found = best_track(model, tracking, track, offers, stack)
+    lost = np.setdiff1d(np.flatnonzero(suspicious(model, track, found)), searched)
     if len(lost):
         offers = offers.joined(searched_in(lost)).cheapest(1)
-        found = _best_track(model, tracking, track, offers, stack)
+        found = best_track(model, tracking, track, offers, stack)
     # Each frame takes the confidence of the latest search before it.
     latest = np.maximum.accumulate(np.where(np.isnan(sides), -1, np.arange(count)))
     sides = np.where(latest >= 0, sides[latest], 0.5 if track is None else track.sides)
-    return found, sides, _after(track, found, (since + count) % every, float(sides[-1]))
+    return found, sides, state_after(track, found, (since + count) % every, float(sides[-1]))
 
 
-def follow_frame(
-    model: Model, tracking: Tracking, fps: float, track: Track, observed: Observed
-) -> tuple[Hypotheses, Float[np.ndarray, "frames=1"], Track] | None:
-    """Follow the person into one more frame without a search; None where `track_frames` would search in it.
-
-    Arguments and results are those of `track_frames`; `observed` is a stack of one frame.
-    """
-    every = _between_searches(tracking, fps)
-    if (track.since + 1) % every == 0:
-        return None
-    nothing = pool_of(jax.tree.map(lambda a: np.asarray(a)[None, None], track.last), np.zeros(1, int))
-    found = _best_track(model, tracking, track, nothing, on_device(observed, 1))
-    if _suspicious(model, track, found).any():
-        return None
-    return found, np.array([track.sides]), _after(track, found, track.since + 1, track.sides)
+def follow_scales(tracking: Tracking) -> Scales:
+    half = tracking.steps // 2
+    return fit_scales((0.08, half), (0.04, tracking.steps - half))
 
 
-def due_for_search(track: Track) -> Track:
-    """The same track, with a full search in the next frame."""
-    return eqx.tree_at(lambda t: t.since, track, -1)
-
-
-def _between_searches(tracking: Tracking, fps: float) -> int:
+def between_searches(tracking: Tracking, fps: float) -> int:
     """Frames from one full search to the next."""
     return max(1, round(tracking.interval * fps))
 
 
-def _suspicious(model: Model, track: Track | None, found: Hypotheses) -> Bool[np.ndarray, " frames"]:
+def suspicious(model: Model, track: Track | None, found: Hypotheses) -> Bool[np.ndarray, " frames"]:
     """Frames that cost more than is usual for the subject, or in which a joint moves suspiciously far."""
     usual = float(np.median(_costs_after(track, found)))
     places = _places(model, found.best)
@@ -159,7 +118,7 @@ def _costs_after(track: Track | None, found: Hypotheses) -> Float[np.ndarray, " 
     return np.concatenate([costs, found.cost[:, 0]])[-_RECENT:]
 
 
-def _after(track: Track | None, found: Hypotheses, since: int, sides: float) -> Track:
+def state_after(track: Track | None, found: Hypotheses, since: int, sides: float) -> Track:
     """State after the frames found."""
     count = len(found.cost)
     last, before = (jax.tree.map(lambda a, i=i: a[max(count - i, 0)], found.best) for i in (1, 2))
@@ -168,14 +127,13 @@ def _after(track: Track | None, found: Hypotheses, since: int, sides: float) -> 
     return Track(last, before, since, _costs_after(track, found), sides)
 
 
-def _best_track(model: Model, tracking: Tracking, track: Track | None, offers: Pool, stack: Observed) -> Hypotheses:
+def best_track(model: Model, tracking: Tracking, track: Track | None, offers: Pool, stack: Observed) -> Hypotheses:
     count = len(offers)
     first = jax.tree.map(lambda a: a[0], offers.poses)
     last, before = (first, first) if track is None else (track.last, track.before)
     length = length_of(stack)
     frames = np.minimum(np.arange(length), count - 1)
-    half = tracking.steps // 2
-    scales = fit_scales((0.08, half), (0.04, tracking.steps - half))
+    scales = follow_scales(tracking)
 
     def follow(order: Int[np.ndarray, " frames"], last: Pose, before: Pose) -> tuple[Pose, np.ndarray]:
         margin, number = jnp.asarray(tracking.margin, jnp.float32), jnp.asarray(order, jnp.int32)
