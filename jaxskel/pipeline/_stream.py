@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from types import TracebackType
-from typing import Self
 
 import equinox as eqx
 import numpy as np
@@ -85,6 +84,7 @@ class Stream:
         self._track: Track | None = None
         self._middle: np.ndarray | None = None  # of the person in the frame before (m, z up)
         self._count = 0
+        self._for_body: tuple[Body, Settings] | None = None
         to_find = subject is None or (settings.search is not None and settings.body is None)
         self._found = not to_find
         self._better = BetterSubject(self._empty, settings) if to_find else None
@@ -104,9 +104,8 @@ class Stream:
         """
         silhouettes = _packed(masks, self._empty)
         prepared = self._prepared_for(silhouettes)
-        poses, track = reconstruct_batch(
-            silhouettes, self._empty, prepared, self._settings, track=self._track, at_once=1
-        )
+        settings = self._settings_for(prepared.body)
+        poses, track = reconstruct_batch(silhouettes, self._empty, prepared, settings, track=self._track, at_once=1)
         with_pose = bool(poses.has_pose[0])
         self._middle = poses.joints[0, 0] @ prepared.to_z_up.T if with_pose else None
         self._track = track if track is None or with_pose else lost(track)
@@ -122,13 +121,21 @@ class Stream:
             self._better.close()
             self._better = None
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Stream":
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
     ) -> None:
         self.close()
+
+    def _settings_for(self, body: Body) -> Settings:
+        """The settings with the objective for a body, which is made once, not for each frame."""
+        if self._for_body is None or self._for_body[0] is not body:
+            refinement = self._settings.refinement
+            refinement = replace(refinement, objective=refinement.objective_for(body))
+            self._for_body = body, replace(self._settings, refinement=refinement)
+        return self._for_body[1]
 
     def _prepared_for(self, silhouettes: UInt8[np.ndarray, "frames=1 cams h w8"]) -> Prepared:
         """What is known for a frame: a grid where the person is, and the subject."""

@@ -57,9 +57,9 @@ def search_on(model: Model, tracking: Tracking, track: Track, stack: Observed) -
     The pose found is that of an earlier frame. It is carried along with the pelvis and fitted to the frame of `stack`.
     """
     assert track.ongoing is not None
-    steps, pose, cost = track.ongoing
+    pose, cost = track.ongoing.pose, track.ongoing.cost
     try:
-        next(steps)
+        next(track.ongoing.steps)
     except StopIteration as end:
         found: Searched = end.value
     else:

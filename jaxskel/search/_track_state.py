@@ -1,6 +1,6 @@
 """Settings and state of tracking."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import equinox as eqx
@@ -31,8 +31,9 @@ class Searched(NamedTuple):
     """Confidence that left and right are not exchanged (0.5..1)."""
 
 
-class Ongoing(NamedTuple):
-    """A search in one frame while later ones are followed."""
+@dataclass(frozen=True, eq=False)
+class Ongoing:
+    """A search in one frame while later ones are followed. No tree of arrays: JAX does not look into it."""
 
     steps: Steps[Searched]
     pose: Pose
