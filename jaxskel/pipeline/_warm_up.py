@@ -9,7 +9,6 @@ import numpy as np
 from ..body import Body, Skeleton, default_adult, make_body, place_body
 from ..cameras import Cameras, make_cameras
 from ..hull import carve, most_misses, projection_table
-from ..recording import pack_silhouettes
 from ..synthetic import camera_ring, demo_motion, render
 from ._following_grid import grid_around
 from ._settings import Settings
@@ -18,7 +17,7 @@ from ._stream import Stream, streaming
 # Frames of the built-in motion, as a quarter of a second has at most: the first is searched in, others are followed.
 _FRAMES = 4
 # Shares of the images that a person is wide; each has programs of its own, see `cut_windows`.
-_WIDE = (0.2, 0.4, 0.8)
+_WIDE = (0.25, 0.5, 1.0)
 
 
 def warm_up(cameras: Cameras, settings: Settings | None = None, subject: Body | Skeleton | None = None) -> None:
@@ -60,11 +59,13 @@ def _carve_all_ways(rig: Cameras, settings: Settings) -> None:
     """Carve people of all widths, with all numbers of views that may err."""
     width, height = rig.size.max(0).tolist()
     grid, told = grid_around(np.array([0.0, 0.0, 1.0]), settings.hull.spacing), settings.hull.max_misses
-    table = projection_table(rig, grid, height, 8 * -(-width // 8))
-    for wide in _WIDE:
-        masks = np.zeros((1, len(rig), height, width), bool)
-        masks[..., height // 4 : -(height // 4), int((0.5 - wide / 2) * width) : int((0.5 + wide / 2) * width)] = True
-        silhouettes = pack_silhouettes(masks)
+    columns = -(-width // 8)
+    table = projection_table(rig, grid, height, 8 * columns)
+    for share in _WIDE:
+        wide = max(1, int(share * columns))
+        left = (columns - wide) // 2
+        silhouettes = np.zeros((1, len(rig), height, columns), np.uint8)
+        silhouettes[..., height // 4 : -(height // 4), left : left + wide] = 0xFF
         for misses in range(most_misses(len(rig)) + 1) if told is None else (told,):
             carve(silhouettes, table, max_misses=misses, at_once=1)
 

@@ -54,7 +54,8 @@ def begun(track: Track, found: Hypotheses, steps: Steps[Searched]) -> Track:
 def search_on(model: Model, tracking: Tracking, track: Track, stack: Observed) -> tuple[Track, Pool | None]:
     """Take one step of an ongoing search; at its end, offer what it found, if that was better than the track.
 
-    The pose found is that of an earlier frame. It is carried along with the pelvis and fitted to the frame of `stack`.
+    The pose found is that of an earlier frame. Each segment is moved as the track's has moved since; then the pose is
+    fitted to the frame of `stack`.
     """
     assert track.ongoing is not None
     pose, cost = track.ongoing.pose, track.ongoing.cost
@@ -67,7 +68,7 @@ def search_on(model: Model, tracking: Tracking, track: Track, stack: Observed) -
     track = replace(track, sides=found.sides, ongoing=None)
     if found.cost > cost - tracking.margin:
         return track, None
-    carried = Pose(
-        np.asarray(found.pose.root + track.last.root - pose.root)[None, None], found.pose.rotations[None, None]
-    )
+    moved = np.asarray(track.last.rotations) @ np.asarray(pose.rotations).swapaxes(-1, -2)
+    carried = Pose(found.pose.root + (track.last.root - pose.root), moved @ found.pose.rotations)
+    carried = jax.tree.map(lambda a: np.asarray(a)[None, None], carried)
     return track, fit_pool(model.body, pool_of(carried, np.zeros(1, int)), stack, follow_scales(tracking))

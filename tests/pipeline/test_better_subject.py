@@ -1,29 +1,36 @@
 """A subject that becomes better: different frames are kept, and another process finds the subject in them."""
 
-import threading
 from multiprocessing import Pipe
 
+import equinox as eqx
 import numpy as np
 import pytest
+from support.recordings import graph_settings
 
-from jaxskel import Recording, Status, default_adult, join_poses, paper_settings, reconstruct
+from jaxskel import Poses, Prepared, Recording, Stream, join_poses, prepare, reconstruct
 from jaxskel.pipeline import _better_subject as better
+from jaxskel.pipeline._better_subject import BetterSubject
 from jaxskel.synthetic import camera_ring, make_scene
 
+GRAPH = graph_settings()
 
-class Thread:
-    """A worker that is a thread of this process: it answers with what `answer` makes of a task."""
 
-    answers: list = []
+class Answering:
+    """Stands for a worker: it answers each task at once, or is dead if there is no answer left."""
+
+    answers: list[Prepared | Exception]
+    given: list[int]
 
     def __init__(self, core: int, work: bytes):
         self.pipe, self.theirs = Pipe()
         self.process = self
-        self.tasks = []
 
-    def give(self, task) -> None:
-        self.tasks.append(task)
-        self.theirs.send(self.answers.pop(0)) if self.answers else self.theirs.close()
+    def give(self, frames: np.ndarray) -> None:
+        self.given.append(len(frames))
+        if self.answers:
+            self.theirs.send(self.answers.pop(0))
+        else:
+            self.theirs.close()
 
     def receive(self):
         return self.pipe.recv()
@@ -36,26 +43,81 @@ class Thread:
 
 @pytest.fixture(scope="module")
 def scene() -> Recording:
-    """The whole motion: a dozen different postures."""
+    """The whole motion: a dozen different postures and more."""
     return make_scene(24, fps=2.0, cameras=camera_ring(4, size=(160, 120)))
 
 
-def seen(scene: Recording, frames, again: better.BetterSubject) -> None:
-    poses = reconstruct(scene, paper_settings())
+@pytest.fixture(scope="module")
+def poses(scene) -> Poses:
+    return reconstruct(scene, GRAPH)
+
+
+@pytest.fixture
+def worker(monkeypatch):
+    monkeypatch.setattr(better, "WorkerProcess", Answering)
+    Answering.answers, Answering.given = [], []
+    return Answering
+
+
+@pytest.fixture(scope="module")
+def other(scene) -> Prepared:
+    """What a process could send: a taller subject, without a grid."""
+    found = prepare(scene, GRAPH)
+    taller = found.skeleton.scaled(1.1)
+    return eqx.tree_at(lambda p: (p.skeleton, p.table, p.edge), found, (taller, None, np.zeros((0, 0, 0), bool)))
+
+
+def show(again: BetterSubject, scene: Recording, poses: Poses, frames) -> None:
     for frame in frames:
-        one = join_poses([poses])  # the same, sliced by hand
-        part = type(one)(
-            one.joints[frame : frame + 1], one.tips[frame : frame + 1], one.rotations[frame : frame + 1], one.skeleton,
-            one.confidence[frame : frame + 1], one.side_confidence[frame : frame + 1], np.array([int(Status.OK)]),
-            one.fps, one.up, one.frame_index[frame : frame + 1],
-        )  # fmt: skip
-        again.see(scene.silhouettes[frame : frame + 1], part)
+        one, turned, fine = slice(frame, frame + 1), poses.rotations, np.zeros(1, int)
+        assert turned is not None
+        parts = poses.joints[one], turned[one], fine
+        pose = eqx.tree_at(lambda p: (p.joints, p.rotations, p.status), poses, parts)
+        again.see(scene.silhouettes[one], pose)
+        if again._giving.is_alive():
+            again._giving.join()
 
 
-def test_frames_that_are_alike_are_kept_once(scene, monkeypatch):
-    monkeypatch.setattr(better, "WorkerProcess", Thread)
-    again = better.BetterSubject(scene[:0], paper_settings())
-    seen(scene, [3] * 20, again)
-    assert len(again._frames) == 1
+def test_frames_that_are_alike_are_kept_once(scene, poses, worker):
+    again = BetterSubject(scene[:0], GRAPH)
+    show(again, scene, poses, [3] * 20)
+    assert worker.given == []
     assert again.found() is None
     again.close()
+
+
+def test_the_subject_is_found_again_when_more_has_been_seen(scene, poses, worker, other):
+    worker.answers = [other, other]
+    again = BetterSubject(scene[:0], GRAPH)
+    show(again, scene, poses, range(12))
+    first = worker.given[0]
+    assert 6 <= first < 12
+    assert again.found() is not None
+    assert again.found() is None  # only once
+    show(again, scene, poses, range(12, 24))
+    assert len(worker.given) == 2
+    assert worker.given[1] >= 12
+    again.close()
+
+
+@pytest.mark.parametrize("answers", [[], [ValueError("nobody")]], ids=["dead", "an exception"])
+def test_without_an_answer_the_subject_stays(scene, poses, worker, answers):
+    worker.answers = answers
+    again = BetterSubject(scene[:0], GRAPH)
+    show(again, scene, poses, range(24))
+    assert again.found() is None
+    assert worker.given  # it was asked
+    show(again, scene, poses, range(24))
+    assert len(worker.given) == 1  # and not again
+
+
+def test_a_stream_takes_the_better_subject(scene, worker, other):
+    worker.answers = [other]
+    with Stream(scene.cameras, GRAPH, fps=2.0) as stream:
+        found = join_poses([stream.push(frame) for frame in scene.silhouettes[:2]])
+        assert found.skeleton is not None
+        for frame in scene.silhouettes[2:16]:
+            last = stream.push(frame)
+    assert last.skeleton is not None
+    assert last.skeleton.stature == pytest.approx(other.skeleton.stature)
+    assert last.skeleton.stature > 1.05 * found.skeleton.stature

@@ -72,7 +72,7 @@ def test_a_stream_of_a_film_is_the_tracked_batch(scene, tracked):
     assert np.median(error) < 15
     assert error.max() < 80
     between = apart_mm(poses, reconstruct(scene, tracked))
-    assert np.median(between) < 8  # a pixel is 16 mm wide
+    assert np.median(between) < 8  # a pixel is more than a centimetre wide
     assert between.max() < 60
 
 
@@ -137,7 +137,7 @@ def test_a_box_stays_where_it_is(scene):
 
 
 @pytest.mark.parametrize(
-    "shape, kind", [((5, 180, 240), bool), ((6, 180, 241), bool), ((6, 180, 30), bool), ((6, 180, 240), np.float32)]
+    ("shape", "kind"), [((5, 180, 240), bool), ((6, 180, 241), bool), ((6, 180, 30), bool), ((6, 180, 240), np.float32)]
 )
 def test_masks_that_are_not_the_cameras_are_refused(scene, shape, kind):
     stream = Stream(scene.cameras, PAPER, ADULT)
