@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, UInt8
 from ..body import Body, Skeleton
 from ..cameras import Cameras
 from ..hull import body_middles
-from ..poses import Poses
+from ..poses import Poses, Status
 from ..recording import MIN_VIEWS, Recording, find_empty_views, rotation_to_z_up, silhouette_areas
 from ..search import Track, Tracking, lost
 from ._better_subject import BetterSubject
@@ -23,6 +23,9 @@ from ._settings import Settings
 # Edge of the voxels (m) where the silhouettes decide between the poses that the graph proposes: finer ones do not make
 # them better, see `HullSettings.spacing`, but take longer.
 _COARSE = 0.03
+# After this many successive frames that do not show the subject that was found, it is found again: the first frame may
+# have shown a part of a person, or somebody else has come.
+_SOMEBODY_ELSE = 5
 
 
 def streaming(settings: Settings | None) -> Settings:
@@ -44,9 +47,10 @@ class Stream:
     A frame without a person, or with one who cannot be reconstructed, has a status that says why, and the next one is
     searched in.
 
-    If the subject's body is not given, it is found in the first frame that shows the person, and again, in another
-    process, when more different frames have been seen. That process is spawned: a script that makes such a stream needs
-    ``if __name__ == "__main__":``, and should close it, or use it in a ``with`` statement.
+    If the subject's body is not given, it is found in the first frame that shows the person, again if that is not who
+    comes then, and again, in another process, when more different frames have been seen. That process is spawned: a
+    script that makes such a stream needs ``if __name__ == "__main__":``, and should close it, or use it in a ``with``
+    statement.
 
     Args:
         cameras: The rig, three cameras or more.
@@ -85,9 +89,10 @@ class Stream:
         self._middle: np.ndarray | None = None  # of the person in the frame before (m, z up)
         self._count = 0
         self._for_body: tuple[Body, Settings] | None = None
-        to_find = subject is None or (settings.search is not None and settings.body is None)
-        self._found = not to_find
-        self._better = BetterSubject(self._empty, settings) if to_find else None
+        self._to_find = subject is None or (settings.search is not None and settings.body is None)
+        self._found = not self._to_find
+        self._strangers = 0  # successive frames of somebody else
+        self._better = BetterSubject(self._empty, settings) if self._to_find else None
 
     def push(self, masks: Bool[np.ndarray, "cams h w"] | UInt8[np.ndarray, "cams h columns"]) -> Poses:
         """Reconstruct the next frame.
@@ -107,8 +112,13 @@ class Stream:
         settings = self._settings_for(prepared.body)
         poses, track = reconstruct_batch(silhouettes, self._empty, prepared, settings, track=self._track, at_once=1)
         with_pose = bool(poses.has_pose[0])
-        self._middle = poses.joints[0, 0] @ prepared.to_z_up.T if with_pose else None
+        # Poses of single frames may jump; those of a track do not.
+        tracked = with_pose and track is not None
+        self._middle = poses.joints[0, 0] @ prepared.to_z_up.T if tracked else None
         self._track = track if track is None or with_pose else lost(track)
+        self._strangers = self._strangers + 1 if poses.status[0] == Status.NO_MATCH else 0
+        if self._to_find and self._strangers >= _SOMEBODY_ELSE:
+            self._found, self._strangers = False, 0
         if self._better is not None:
             self._better.see(silhouettes, poses)
         poses = eqx.tree_at(lambda p: p.frame_index, poses, np.array([self._count]))

@@ -110,6 +110,17 @@ def test_a_subject_nobody_knows_is_found(scene):
     assert poses.skeleton.stature == pytest.approx(ADULT.stature, rel=0.08)
 
 
+def test_a_subject_found_in_half_a_person_is_found_again(scene):
+    masks = scene.silhouettes[[0, *range(12)]]
+    masks[0, :, : masks.shape[2] // 2] = 0  # legs only
+    with Stream(scene.cameras, PAPER) as stream:
+        poses = join_poses([stream.push(frame) for frame in masks])
+        last = stream.push(scene.silhouettes[12])
+    assert poses.has_pose[-4:].all()
+    assert last.skeleton is not None
+    assert last.skeleton.stature == pytest.approx(ADULT.stature, rel=0.08)
+
+
 def test_masks_of_any_kind_are_the_same(scene):
     width = int(scene.cameras.size[0, 0])
     masks = unpack_silhouettes(scene.silhouettes[:2], width)
