@@ -14,9 +14,8 @@ import numpy as np
 from _presets import PRESETS
 from accuracy import score_against_truth
 
-from jaxskel import Recording, join_poses, prepare, read_recording, reconstruct_batches
+from jaxskel import Recording, join_poses, keep_compiled, prepare, read_recording, reconstruct_batches
 from jaxskel._runtime.cores import take_core
-from jaxskel.cli._cache import keep_compiled
 from jaxskel.pipeline._reconstruct import BATCH
 
 

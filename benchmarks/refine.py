@@ -20,13 +20,13 @@ import numpy as np
 from jaxskel import (
     RefinementProblem,
     Settings,
+    keep_compiled,
     paper_settings,
     read_recording,
     refine_frames,
     refine_sequence,
     refinement_problem,
 )
-from jaxskel.cli._cache import keep_compiled
 from jaxskel.refinement import Refined
 from jaxskel.refinement.solvers import default_solver, sequence_solver
 from jaxskel.refinement.terms import Smoothness, from_function

@@ -22,6 +22,7 @@ from . import search as search
 from . import segmentation as segmentation
 from . import synthetic as synthetic
 from . import verdict as verdict
+from ._runtime.kept_programs import keep_compiled as keep_compiled
 from .body import JOINT_NAMES as JOINT_NAMES
 from .body import JOINT_PARENTS as JOINT_PARENTS
 from .body import TIP_NAMES as TIP_NAMES
@@ -42,6 +43,7 @@ from .pipeline import Prepared as Prepared
 from .pipeline import RefinementProblem as RefinementProblem
 from .pipeline import RefinementSettings as RefinementSettings
 from .pipeline import Settings as Settings
+from .pipeline import Stream as Stream
 from .pipeline import calibrate_body as calibrate_body
 from .pipeline import observe_batch as observe_batch
 from .pipeline import paper_settings as paper_settings
@@ -50,6 +52,7 @@ from .pipeline import reconstruct as reconstruct
 from .pipeline import reconstruct_batches as reconstruct_batches
 from .pipeline import reconstruct_parallel as reconstruct_parallel
 from .pipeline import refinement_problem as refinement_problem
+from .pipeline import warm_up as warm_up
 from .poses import Poses as Poses
 from .poses import Status as Status
 from .poses import join_poses as join_poses

@@ -15,7 +15,7 @@ def single_precision(tree: Any) -> Any:
 # XLA uses memory aligned to this many bytes without copying it.
 _ALIGNED = 64
 STACK = 32
-"""Stacks on the device are padded to a multiple of this, so that few shapes are compiled."""
+"""Stacks of a recording's frames on the device are padded to a multiple of this, so that few shapes are compiled."""
 
 
 def step_above(count: int) -> int:
@@ -53,13 +53,21 @@ def padded(tree: Any, length: int) -> Any:
     return jax.tree.map(pad, single_precision(tree))
 
 
-def filled(tree: Any) -> Any:
-    """A stack padded to a multiple of `STACK`."""
-    return padded(tree, STACK * -(-len(jax.tree.leaves(tree)[0]) // STACK))
+def length_of(tree: Any) -> int:
+    """Number of members of a stack."""
+    return len(jax.tree.leaves(tree)[0])
 
 
-def on_device(tree: Any) -> Any:
-    """A stack padded and on the device, as compiled functions need it; returned unchanged if it already is."""
-    if all(isinstance(leaf, jax.Array) and len(leaf) % STACK == 0 for leaf in jax.tree.leaves(tree)):
+def filled(tree: Any, step: int = STACK) -> Any:
+    """A stack padded to a multiple of `step`."""
+    return padded(tree, step * -(-length_of(tree) // step))
+
+
+def on_device(tree: Any, step: int = STACK) -> Any:
+    """A stack padded to a multiple of `step` and on the device, as compiled functions need it.
+
+    It is returned unchanged if it is already there: who put it there chose its length.
+    """
+    if all(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(tree)):
         return tree
-    return jax.device_put(filled(tree))
+    return jax.device_put(filled(tree, step))

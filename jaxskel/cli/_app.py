@@ -7,8 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
+from .._runtime.kept_programs import keep_compiled
 from ._batch import batch
-from ._cache import keep_compiled
 from ._calibrate_body import calibrate_body
 from ._calibrate_cameras import calibrate_cameras
 from ._check import check

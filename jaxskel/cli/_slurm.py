@@ -8,8 +8,8 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+from .._runtime.kept_programs import forget_compiled, keep_compiled
 from ..batch import PROCESS_BYTES, Finished, Method, Progress, Shard, Source, finished_before, run_batch
-from ._cache import forget_compiled, keep_compiled
 
 FOLDER = ".slurm"
 """Subfolder of the output for submitit's files and the tasks' messages."""

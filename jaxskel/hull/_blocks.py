@@ -12,10 +12,10 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Int, UInt32
+from jaxtyping import Array, Int, UInt
 
 from .._runtime.compile_cache import cached_jit
-from ._frame_bits import ALL_FRAMES, CELL, in_place
+from ._frame_bits import CELL, all_frames, in_place
 
 EDGE = 4
 """Voxels along the edge of a block."""
@@ -26,10 +26,10 @@ _CELLS = tuple(CELL * times for times in (1, 2, 4, 8))
 
 
 class SomeBlocks(NamedTuple):
-    """A selection of blocks and, for each of their voxels, the occupancy in 32 frames as one word."""
+    """A selection of blocks and, for each of their voxels, the occupancy in 32 frames, or in one, as one word."""
 
     blocks: Int[np.ndarray, " some"]
-    words: UInt32[np.ndarray, "some inner"]
+    words: UInt[np.ndarray, "some inner"]
 
 
 def grid_of_blocks(shape: tuple[int, ...]) -> tuple[int, ...]:
@@ -68,11 +68,11 @@ def blocks_of(
 
 def in_grid_order(
     found: Sequence[SomeBlocks], shape: tuple[int, ...]
-) -> tuple[Int[np.ndarray, "voxels 3"], UInt32[np.ndarray, "words voxels"]]:
+) -> tuple[Int[np.ndarray, "voxels 3"], UInt[np.ndarray, "words voxels"]]:
     """Collect the voxels that are occupied in any frame, in grid order, and all their words.
 
     Args:
-        found: For each word of 32 frames, the blocks that are not empty.
+        found: For each word of frames, the blocks that are not empty.
         shape: Shape of the grid (voxels).
     """
     grid = grid_of_blocks(shape)
@@ -80,15 +80,17 @@ def in_grid_order(
     every = np.concatenate([np.zeros((3, 0), int), *corners], 1)
     first = every.min(1, initial=max(grid))
     extent = np.maximum(every.max(1, initial=-1) + 1 - first, 0)
-    # Allocate only the bounding box of the blocks. A row of four voxels, 16 bytes, moves as one complex number.
-    rows = np.zeros((len(found), math.prod(extent), EDGE, EDGE), np.complex128)
+    # Allocate only the bounding box of the blocks. A row of four voxels, 16 bytes, moves as one complex number; that of
+    # one frame as one integer.
+    word = found[0].words.dtype if found else np.dtype(np.uint32)
+    rows = np.zeros((len(found), math.prod(extent), EDGE, EDGE), np.complex128 if word.itemsize == 4 else np.uint32)
     for own, at, each in zip(rows, corners, found, strict=True):
         places = np.ravel_multi_index(tuple(at - first[:, None]), extent)
         own[places] = each.words.view(rows.dtype).reshape(-1, EDGE, EDGE)
     ordered = rows.reshape(len(found), *extent, EDGE, EDGE).transpose(0, 1, 4, 2, 5, 3)
-    dense = ordered.reshape(len(found), math.prod(extent) * EDGE**2).view(np.uint32)
+    dense = ordered.reshape(len(found), math.prod(extent) * EDGE**2).view(word)
     # NumPy finds true booleans much faster than nonzero integers.
-    occupied = np.flatnonzero(reduce(np.bitwise_or, dense, np.zeros(dense.shape[1], np.uint32)) != 0)
+    occupied = np.flatnonzero(reduce(np.bitwise_or, dense, np.zeros(dense.shape[1], word)) != 0)
     voxels = np.empty((len(occupied), 3), np.int32)
     rest = occupied.astype(np.int32)
     for axis in (2, 1, 0):
@@ -123,12 +125,12 @@ def find_footprints(pixels: Int[np.ndarray, "blocks inner"], height: int, width:
 
 @cached_jit
 def pooled(
-    words: UInt32[Array, "cams rows columns"],
+    words: UInt[Array, "cams rows columns"],
     corner: Int[Array | np.ndarray, "cams 2"],
-    blank: UInt32[Array | np.ndarray, " cams"],
+    blank: UInt[Array | np.ndarray, " cams"],
     height: int,
     width: int,
-) -> UInt32[Array, "cams cells"]:
+) -> UInt[Array, "cams cells"]:
     """For each cell size and each 2 x 2 cells, named by the upper left one: the frames with any person pixel there.
 
     The last entry stands for places that are not seen; it has all frames.
@@ -150,14 +152,14 @@ def pooled(
         two = cells | jnp.pad(cells[:, 1:], ((0, 0), (0, 1), (0, 0)))
         two |= jnp.pad(two[:, :, 1:], ((0, 0), (0, 0), (0, 1)))
         levels.append(two.reshape(len(words), -1))
-    return jnp.concatenate([*levels, jnp.full((len(words), 1), ALL_FRAMES)], 1)
+    return jnp.concatenate([*levels, jnp.full((len(words), 1), all_frames(words))], 1)
 
 
 def _levels(height: int, width: int) -> list[tuple[int, int]]:
     return [(-(-height // cell), -(-width // cell)) for cell in _CELLS]
 
 
-def _any_of(cells: UInt32[Array, "cams rows columns"], axis: int, count: int) -> UInt32[Array, "cams less fewer"]:
+def _any_of(cells: UInt[Array, "cams rows columns"], axis: int, count: int) -> UInt[Array, "cams less fewer"]:
     """OR groups of `count` neighbours along an axis; the last group may be smaller."""
     length = cells.shape[axis]
     padding = [(0, 0)] * 3

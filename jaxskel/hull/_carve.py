@@ -5,14 +5,15 @@ AND carve 32 frames, see `_frame_bits`. Blocks of voxels are carved first, see `
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Int, UInt8, UInt32
+from jaxtyping import Array, Bool, Int, UInt, UInt8
 
 from .._runtime.compile_cache import cached_jit
 from ._blocks import INNER, SomeBlocks, count_blocks, in_grid_order, pooled
-from ._frame_bits import ALL_FRAMES, FRAMES_PER_WORD, Windows, cut_windows, frame_words, frames_of, listed, places_of
+from ._frame_bits import FRAMES_PER_WORD, Windows, cut_windows, frame_words, frames_of, listed, places_of
 from ._projection_table import ProjectionTable
 from ._visual_hulls import VisualHulls
 
@@ -21,15 +22,15 @@ _AT_ONCE = 1 << 9  # blocks per call: a fixed number, so that the call compiles 
 
 @cached_jit
 def _carve_blocks(
-    words: UInt32[Array, "cams places"], footprints: Int[Array, "cams blocks"], max_misses: int
-) -> UInt32[Array, " blocks"]:
+    words: UInt[Array, "cams places"], footprints: Int[Array, "cams blocks"], max_misses: int
+) -> UInt[Array, " blocks"]:
     """Carve whole blocks like voxels, using the image cells that they project onto."""
-    return _carved(lambda camera: _at(words[camera], footprints[camera]), words.shape[0], max_misses)
+    return _carved(lambda camera: _at(words[camera], footprints[camera]), words.shape[0], max_misses, words.dtype)
 
 
 @cached_jit
 def _carve_some(
-    words: UInt32[Array, "cams places"],
+    words: UInt[Array, "cams places"],
     corner: Int[Array | np.ndarray, "cams 2"],
     extent: tuple[int, int],
     pixels: Int[Array, "cams blocks inner"],
@@ -37,29 +38,30 @@ def _carve_some(
     size: tuple[int, int],
     blocks: Int[Array | np.ndarray, " some"],
     max_misses: int,
-) -> UInt32[Array, "some inner"]:
+) -> UInt[Array, "some inner"]:
     """Carve the voxels of the given blocks."""
 
-    def words_of(camera: int) -> UInt32[Array, "some inner"]:
+    def words_of(camera: int) -> UInt[Array, "some inner"]:
         # One camera at a time, so that the pixel lookup feeds the silhouette lookup directly.
         seen = _at(pixels[camera], jnp.asarray(blocks))
         return _at(words[camera], places_of(seen, jnp.asarray(corner)[camera], extent, size))
 
-    return jnp.where(observed[blocks], _carved(words_of, words.shape[0], max_misses), jnp.uint32(0))
+    return jnp.where(observed[blocks], _carved(words_of, words.shape[0], max_misses, words.dtype), words.dtype.type(0))
 
 
 def _carved(
-    words_of: Callable[[int], UInt32[Array, "*places"]], cameras: int, max_misses: int
-) -> UInt32[Array, "*places"]:
-    """Carve 32 frames at once: keep the places that at most `max_misses` cameras miss.
+    words_of: Callable[[int], UInt[Array, "*places"]], cameras: int, max_misses: int, word: Any
+) -> UInt[Array, "*places"]:
+    """Carve all frames of a word at once: keep the places that at most `max_misses` cameras miss.
 
     Args:
         words_of: For a camera, the frames in which each place falls on the person; all frames if it is not seen.
         cameras: Number of cameras.
         max_misses: Number of cameras that may see background.
+        word: Type of the words.
     """
     # Bit f of misses[k] is set if more than k cameras so far missed the place in frame f.
-    misses = [jnp.uint32(0)] * (max_misses + 1)
+    misses = [jnp.zeros((), word)] * (max_misses + 1)
     for camera in range(cameras):
         miss = ~words_of(camera)
         for k in range(max_misses, 0, -1):
@@ -74,7 +76,7 @@ def _at(values: Array, indices: Int[Array, "*places"]) -> Array:
 
 
 def _carve_word(windows: Windows, table: ProjectionTable, max_misses: int) -> SomeBlocks:
-    """Carve 32 frames: first blocks, then the voxels of the remaining blocks, a fixed number of blocks at a time."""
+    """Carve a word of frames: first blocks, then the voxels of the rest, a fixed number of blocks at a time."""
     words = frame_words(windows)
     where = windows.corner, windows.blank, *table.size
     blocks = np.asarray(_carve_blocks(pooled(words, *where), table.footprints, max_misses))
@@ -85,7 +87,7 @@ def _carve_word(windows: Windows, table: ProjectionTable, max_misses: int) -> So
     for start in range(0, len(left), _AT_ONCE):
         some = np.resize(left[start : start + _AT_ONCE], _AT_ONCE)
         found.append(np.asarray(_carve_some(some_words, windows.corner, extent, *inner, some, max_misses)))
-    return SomeBlocks(left, np.concatenate([np.zeros((0, INNER), np.uint32), *found])[: len(left)])
+    return SomeBlocks(left, np.concatenate([np.zeros((0, INNER), windows.blank.dtype), *found])[: len(left)])
 
 
 def carve(
@@ -93,6 +95,7 @@ def carve(
     table: ProjectionTable,
     empty_views: Bool[np.ndarray, "frames cams"] | None = None,
     max_misses: int = 0,
+    at_once: int = FRAMES_PER_WORD,
 ) -> VisualHulls:
     """Carve the visual hull of each frame (Sect. 3).
 
@@ -101,6 +104,7 @@ def carve(
         table: From [`projection_table`][] for these cameras and image sizes.
         empty_views: Views that carve nothing in a frame, such as black images.
         max_misses: k-of-n voting: a voxel stays if at most this many of the cameras that see it show background there.
+        at_once: Frames in a word, 32 or 1; fewer frames than this are padded.
 
     Returns:
         The occupied voxels of every frame, on the table's grid.
@@ -108,14 +112,15 @@ def carve(
     frames, cams = silhouettes.shape[:2]
     empty_views = np.zeros((frames, cams), bool) if empty_views is None else empty_views
     found = []
-    for start in range(0, frames, FRAMES_PER_WORD):
-        part, gone = silhouettes[start : start + FRAMES_PER_WORD], empty_views[start : start + FRAMES_PER_WORD]
+    for start in range(0, frames, at_once):
+        part, gone = silhouettes[start : start + at_once], empty_views[start : start + at_once]
         # Pad to a full word, so that a shorter last batch does not recompile; the padding bits are cleared below.
-        missing = FRAMES_PER_WORD - len(part)
+        missing = at_once - len(part)
         if missing:
             part = np.pad(part, ((0, missing), (0, 0), (0, 0), (0, 0)))
             gone = np.pad(gone, ((0, missing), (0, 0)))
         carved = _carve_word(cut_windows(part, gone), table, max_misses)
-        found.append(SomeBlocks(carved.blocks, carved.words & (ALL_FRAMES >> np.uint32(missing))))
+        own = carved.words.dtype.type((1 << len(part)) - 1)
+        found.append(SomeBlocks(carved.blocks, carved.words & own))
     voxels, words = in_grid_order(found, table.grid.shape)
     return VisualHulls(voxels, frames_of(words, frames), table.grid)

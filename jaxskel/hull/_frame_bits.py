@@ -1,23 +1,24 @@
 """32 frames per machine word: bit f of a pixel's word belongs to frame f, so one AND carves 32 frames.
 
-A person fills a small part of an image. Only a window around it, the same in all frames, is converted to words.
+A person fills a small part of an image. Only a window around it, the same in all frames, is converted to words. A frame
+by itself gets words of a byte, of which only the lowest bit counts.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Int, UInt8, UInt32
+from jaxtyping import Array, Bool, Int, UInt, UInt8
 
 from .._runtime.batching import step_above
 from .._runtime.compile_cache import cached_jit
 from .._runtime.materialise import computed_once
 
 FRAMES_PER_WORD = 32
-ALL_FRAMES = np.uint32(0xFFFFFFFF)
-"""Word of places that a camera does not see: all bits are set, since the camera carves nothing there."""
+# For one frame a window has one of these shares of the width of the images, so that few shapes are compiled.
+_SHARES = (0.25, 0.5, 1.0)
 CELL = 8
 """Edge of the square cells that make up a window (px): one byte of a packed row, and as many rows."""
 
@@ -25,40 +26,56 @@ CELL = 8
 class Windows(NamedTuple):
     """For each camera, the part of its silhouettes that contains all person pixels of 32 frames."""
 
-    packed: UInt8[np.ndarray, "frames=32 cams rows w8"]
+    packed: UInt8[np.ndarray, "frames cams rows w8"]
+    """Of 32 frames, or of one."""
     corner: Int[np.ndarray, "cams 2"]
     """Upper left corner of each window in its image: row (a multiple of `CELL`) and byte."""
-    blank: UInt32[np.ndarray, " cams"]
+    blank: UInt[np.ndarray, " cams"]
     """Word of all other pixels: ones in the frames in which the view is empty, so that it carves nothing."""
 
 
-def cut_windows(
-    packed: UInt8[np.ndarray, "frames=32 cams h w8"], empty_views: Bool[np.ndarray, "frames=32 cams"]
-) -> Windows:
-    """Cut windows of the same size out of the images of all cameras; they may extend below the image."""
+def all_frames(words: Any) -> np.unsignedinteger:
+    """Word, of the type of others, of places that a camera does not see: it carves nothing there, in any frame."""
+    return words.dtype.type(np.iinfo(words.dtype).max)
+
+
+def cut_windows(packed: UInt8[np.ndarray, "frames cams h w8"], empty_views: Bool[np.ndarray, "frames cams"]) -> Windows:
+    """Cut windows of the same size out of the images of all cameras; they may extend below the image.
+
+    Args:
+        packed: Packed bits of 32 frames, or of one.
+        empty_views: Views that show no person.
+    """
     height, width = packed.shape[2:]
     some = np.bitwise_or.reduce(packed, 0)
     bounds = [[_bounds(each.any(axis)) for axis in (1, 0)] for each in some]
     first = [(rows[0] // CELL * CELL, columns[0]) for rows, columns in bounds]
     last = [(rows[1], columns[1]) for rows, columns in bounds]
     extent = np.subtract(last, first).max(0)
-    rows = min(CELL * step_above(-(-int(extent[0]) // CELL)), -(-height // CELL) * CELL)
-    columns = min(step_above(int(extent[1])), width)
+    rows, columns = -(-height // CELL) * CELL, width
+    if len(packed) == 1:
+        columns = min(max(1, int(share * width)) for share in _SHARES if share * width >= extent[1])
+    else:
+        rows, columns = min(CELL * step_above(-(-int(extent[0]) // CELL)), rows), min(step_above(int(extent[1])), width)
     corner = np.minimum(first, (-(-height // CELL) * CELL - rows, width - columns)).astype(np.int32)
     windows = np.zeros((len(packed), len(some), rows, columns), np.uint8)
     for camera, (top, left) in enumerate(corner):
         part = packed[:, camera, top : top + rows, left : left + columns]
         windows[:, camera, : part.shape[1]] = part
-    blank = np.left_shift(empty_views.astype(np.uint32), np.arange(FRAMES_PER_WORD, dtype=np.uint32)[:, None])
+    word = np.uint8 if len(packed) == 1 else np.uint32
+    blank = np.left_shift(empty_views.astype(word), np.arange(len(packed), dtype=word)[:, None])
     return Windows(windows, corner, np.bitwise_or.reduce(blank, 0))
 
 
 @cached_jit
-def frame_words(windows: Windows) -> UInt32[Array, "cams rows columns"]:
-    """Transpose the packed bits of 32 frames into one word per pixel."""
+def frame_words(windows: Windows) -> UInt[Array, "cams rows columns"]:
+    """Transpose the packed bits of 32 frames into one word per pixel; those of one frame need not be transposed."""
     cams, rows, columns = windows.packed.shape[1:]
-    packed = windows.packed.reshape(FRAMES_PER_WORD, cams, -1)
     blank = jnp.asarray(windows.blank)
+    if len(windows.packed) == 1:
+        bits = jnp.unpackbits(jnp.asarray(windows.packed)[0], axis=-1)
+        return bits | blank[:, None, None]
+    packed = windows.packed.reshape(FRAMES_PER_WORD, cams, -1)
     quarters = [_transposed([packed[f + k] for k in range(8)]) for f in range(0, FRAMES_PER_WORD, 8)]
     # Materialise intermediate results: interleaving bytes and words then runs at memory speed.
     quarters = computed_once(quarters, blank[0].astype(jnp.float32))
@@ -70,11 +87,11 @@ def frame_words(windows: Windows) -> UInt32[Array, "cams rows columns"]:
 
 @cached_jit
 def listed(
-    words: UInt32[Array, "cams rows columns"], blank: UInt32[Array | np.ndarray, " cams"]
-) -> UInt32[Array, "cams places"]:
+    words: UInt[Array, "cams rows columns"], blank: UInt[Array | np.ndarray, " cams"]
+) -> UInt[Array, "cams places"]:
     """For each camera, the words of the window's pixels, then that of all other pixels, then that of unseen places."""
     own = words.reshape(len(words), -1)
-    return jnp.concatenate([own, jnp.asarray(blank)[:, None], jnp.full((len(words), 1), ALL_FRAMES)], 1)
+    return jnp.concatenate([own, jnp.asarray(blank)[:, None], jnp.full((len(words), 1), all_frames(words))], 1)
 
 
 def places_of(
@@ -99,12 +116,12 @@ def places_of(
 
 
 def in_place(
-    part: UInt32[Array, "cams rows columns"],
+    part: UInt[Array, "cams rows columns"],
     corner: Int[Array, "cams 2"],
-    blank: UInt32[Array | np.ndarray, " cams"],
+    blank: UInt[Array | np.ndarray, " cams"],
     height: int,
     width: int,
-) -> UInt32[Array, "cams height width"]:
+) -> UInt[Array, "cams height width"]:
     """Paste parts into whole images at their rows and columns, with the word `blank` everywhere else."""
     whole = jnp.broadcast_to(jnp.asarray(blank)[:, None, None], (len(part), height, width))
     for camera, each in enumerate(part):
@@ -112,11 +129,11 @@ def in_place(
     return whole
 
 
-def frames_of(words: UInt32[np.ndarray, "words n"], frames: int) -> Bool[np.ndarray, "frames n"]:
+def frames_of(words: UInt[np.ndarray, "words n"], frames: int) -> Bool[np.ndarray, "frames n"]:
     """Unpack the bits of words, one row per frame."""
     bits = np.empty((frames, words.shape[1]), bool)
     for start in range(0, frames, 8):  # bytes are tested faster than words
-        part = (words[start // FRAMES_PER_WORD] >> np.uint32(start % FRAMES_PER_WORD)).astype(np.uint8)
+        part = (words[start // FRAMES_PER_WORD] >> words.dtype.type(start % FRAMES_PER_WORD)).astype(np.uint8)
         for bit, frame in enumerate(bits[start : start + 8]):
             np.not_equal(part & np.uint8(1 << bit), 0, out=frame)
     return bits

@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, UInt8
 from ..cameras import Cameras
 from ..recording import MIN_VIEWS, Silhouettes, unpack_silhouettes
 from ._carve import carve
+from ._frame_bits import FRAMES_PER_WORD
 from ._grid import make_grid
 from ._grid_placement import body_middles
 from ._projection_table import ProjectionTable, projection_table
@@ -39,6 +40,7 @@ def judge_misses(
     empty_views: Bool[np.ndarray, "frames cams"],
     min_views: int,
     box: Float[np.ndarray, "2 3"] | None = None,
+    at_once: int = FRAMES_PER_WORD,
 ) -> int:
     """Choose ``max_misses`` for [`carve`][]: the smallest number with which the hulls fill the silhouettes.
 
@@ -52,6 +54,7 @@ def judge_misses(
         empty_views: Views that show no person; they neither vote nor need to be filled.
         min_views: Number of cameras that must see a voxel if no miss is allowed; each miss adds one.
         box: Lower and upper corner of the carved volume (m), in the cameras' world; by default around the silhouettes.
+        at_once: Frames that are carved at once, see `carve`.
 
     Returns:
         0 if the silhouettes are consistent, otherwise up to `most_misses` of the median number of views per frame.
@@ -71,7 +74,7 @@ def judge_misses(
     table = projection_table(cameras, grid, silhouettes.shape[2], 8 * silhouettes.shape[3])
     filled = []
     for misses in range(most + 1):
-        hulls = carve(silhouettes, table.with_min_views(min_views + misses), empty_views, misses)
+        hulls = carve(silhouettes, table.with_min_views(min_views + misses), empty_views, misses, at_once)
         filled.append(float(np.nanmedian(filled_shares(hulls, silhouettes, empty_views, cameras, table))))
         if filled[0] >= _FILLED:
             return 0  # consistent masks: more misses cannot change the result, so one carving is enough

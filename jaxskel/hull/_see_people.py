@@ -12,6 +12,7 @@ from ..cameras import Cameras
 from ..poses import Status
 from ..recording import MIN_VIEWS, find_empty_views, silhouette_areas
 from ._carve import carve
+from ._frame_bits import FRAMES_PER_WORD
 from ._ghosts import explains_silhouettes
 from ._grid_placement import body_middles
 from ._people import find_people, seen_whole
@@ -35,7 +36,7 @@ class Seen(eqx.Module):
     empty_views: Bool[np.ndarray, "frames cams"]
     """Views that show no person while others do."""
     hulls: VisualHulls | None
-    """Hulls of these people; None if there was nothing to carve."""
+    """Hulls of these people; None if there was nothing to carve, or if it was not needed."""
 
 
 def see_people(
@@ -45,6 +46,7 @@ def see_people(
     edge: Bool[np.ndarray, "x y z"],
     max_misses: int,
     stopwatch: Stopwatch = lambda _: nullcontext(),
+    at_once: int = FRAMES_PER_WORD,
 ) -> Seen:
     """Carve a batch of at most 32 frames and find the person in each.
 
@@ -55,15 +57,13 @@ def see_people(
         edge: Mask of the observed voxels at the edge of the observed volume, see `observed_edge`.
         max_misses: Number of cameras that may see background at an occupied voxel.
         stopwatch: Called with the stages ``carve`` and ``graph``.
+        at_once: Frames that are carved at once, see `carve`.
     """
-    empty_views = find_empty_views(silhouette_areas(silhouettes), cameras)
-    views = (~empty_views).sum(1)
-    enough = views >= MIN_VIEWS
-    status = np.where(enough, Status.NO_HULL, np.where(views > 0, Status.TOO_FEW_VIEWS, Status.EMPTY))
+    empty_views, enough, status = _views(silhouettes, cameras, Status.NO_HULL)
     if table is None:
         return Seen(status, np.zeros(0, int), empty_views, None)
     with stopwatch("carve"):
-        hulls = carve(silhouettes, table, empty_views, max_misses)
+        hulls = carve(silhouettes, table, empty_views, max_misses, at_once)
     with stopwatch("graph"):
         people = find_people(
             hulls, edge, _CUT if max_misses else 0.0,
@@ -74,6 +74,23 @@ def see_people(
         status[(status == Status.OK) & cut] = Status.PARTLY_OUTSIDE
         frames = np.flatnonzero(status == Status.OK)
     return Seen(status, frames, empty_views, people.hulls[frames])
+
+
+def trust_views(silhouettes: UInt8[np.ndarray, "frames cams h w8"], cameras: Cameras) -> Seen:
+    """Take it that each frame with enough views shows the one person who was there before, without carving."""
+    empty_views, enough, status = _views(silhouettes, cameras, Status.OK)
+    return Seen(status, np.flatnonzero(enough), empty_views, None)
+
+
+def _views(
+    silhouettes: UInt8[np.ndarray, "frames cams h w8"], cameras: Cameras, enough_views: Status
+) -> tuple[Bool[np.ndarray, "frames cams"], Bool[np.ndarray, " frames"], Int[np.ndarray, " frames"]]:
+    """Empty views, whether the others are enough, and a status: `enough_views`, or what is missing."""
+    empty_views = find_empty_views(silhouette_areas(silhouettes), cameras)
+    views = (~empty_views).sum(1)
+    enough = views >= MIN_VIEWS
+    few = np.where(views > 0, Status.TOO_FEW_VIEWS, Status.EMPTY)
+    return empty_views, enough, np.where(enough, enough_views, few)
 
 
 def middles_of_people(

@@ -26,3 +26,5 @@ from ._settings import MatchingSettings as MatchingSettings
 from ._settings import RefinementSettings as RefinementSettings
 from ._settings import Settings as Settings
 from ._settings import paper_settings as paper_settings
+from ._stream import Stream as Stream
+from ._warm_up import warm_up as warm_up

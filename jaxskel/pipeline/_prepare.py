@@ -7,8 +7,17 @@ import equinox as eqx
 import numpy as np
 
 from ..body import Skeleton, default_adult, flesh_prior, make_body, people_prior
+from ..cameras import Cameras
 from ..graph import SkeletalGraph
-from ..hull import FRAMES_PER_WORD, judge_misses, make_grid, observed_edge, place_grid, projection_table
+from ..hull import (
+    FRAMES_PER_WORD,
+    VoxelGrid,
+    judge_misses,
+    make_grid,
+    observed_edge,
+    place_grid,
+    projection_table,
+)
 from ..matching import estimate_stature
 from ..recording import Recording, Silhouettes, find_empty_views, rotation_to_z_up, silhouette_areas
 from ..search import make_model
@@ -18,7 +27,8 @@ from ._prepared import Prepared
 from ._settings import Settings
 from ._subject import OTHER_SIZES, find_subject, sight_of
 
-_SUBJECT_FRAMES = 24
+SUBJECT_FRAMES = 24
+"""Largest number of frames that a subject is found in."""
 _STATURES = (0.8, 2.4)  # m
 
 
@@ -33,49 +43,79 @@ def prepare(recording: Recording, settings: Settings, *, calibrate: bool = True)
         settings: Settings of all stages.
         calibrate: Whether to calibrate a body and prepare the search; hull and graph need neither.
     """
+    prepared = with_subject(place(recording, settings), recording.silhouettes, settings, calibrate)
+    return with_model(prepared, settings) if calibrate else prepared
+
+
+def place(
+    recording: Recording, settings: Settings, grid: VoxelGrid | None = None, at_once: int = FRAMES_PER_WORD
+) -> Prepared:
+    """Place the grid, project it into the cameras and choose the tolerance of carving: `prepare` without the subject.
+
+    Template and body are those given, or average ones. A `grid` that is given, in a world with z up, is taken as it is.
+    `at_once` is the number of frames that are carved at once, see `carve`.
+    """
     to_z_up = rotation_to_z_up(recording.up)
     cameras = recording.cameras.rotated(to_z_up)
     silhouettes = recording.silhouettes
-    min_views = settings.hull.min_views or (3 if len(cameras) >= 6 else 2)
+    min_views = _min_views(settings, cameras)
     empty_views = find_empty_views(silhouette_areas(silhouettes), cameras)
-    box = None
+    box = None if grid is None else np.stack([np.asarray(grid.origin), grid.upper])
     if settings.hull.box is not None:
         corners = settings.hull.box @ to_z_up.T  # the rotation only exchanges axes
         box = np.stack([corners.min(0), corners.max(0)])
     max_misses = settings.hull.max_misses
     if max_misses is None:
-        max_misses = judge_misses(cameras, silhouettes, empty_views, min_views, box)
+        max_misses = judge_misses(cameras, silhouettes, empty_views, min_views, box, at_once)
     elif max_misses > len(cameras) - min_views:
         raise ValueError(
             f"{recording.name}: max_misses (--max-misses) {max_misses}: at least {min_views} of {len(cameras)} cameras "
             f"must see a person; give {len(cameras) - min_views} or less"
         )
-    if box is not None:
+    if box is not None and grid is None:
         grid = make_grid(box[0], box[1], settings.hull.spacing)
-    else:
+    elif grid is None:
         grid = place_grid(cameras, silhouettes, empty_views, settings.hull.spacing, min_views, max_misses)
-    table, edge = None, np.zeros((0, 0, 0), bool)
-    if grid is not None:
-        # Each camera that may miss a voxel is compensated by one more camera that must see it.
-        table = projection_table(cameras, grid, silhouettes.shape[2], 8 * silhouettes.shape[3], min_views + max_misses)
-        edge = observed_edge(table.observed.reshape(grid.shape))
     known = recording.skeleton is not None
     skeleton = recording.skeleton or default_adult()
     body = settings.body or make_body(skeleton)
-    prepared = Prepared(to_z_up, cameras, table, edge, max_misses, skeleton, known, body, None)
-    prepared = _with_subject(prepared, silhouettes, settings, calibrate)
-    return prepared if settings.search is None or not calibrate else replace(prepared, model=make_model(prepared.body))
+    prepared = Prepared(to_z_up, cameras, None, np.zeros((0, 0, 0), bool), max_misses, skeleton, known, body, None)
+    if grid is None:
+        return prepared
+    return with_grid(prepared, grid, (silhouettes.shape[2], 8 * silhouettes.shape[3]), settings)
 
 
-def _with_subject(prepared: Prepared, recorded: Silhouettes, settings: Settings, calibrate: bool) -> Prepared:
+def with_grid(prepared: Prepared, grid: VoxelGrid, size: tuple[int, int], settings: Settings) -> Prepared:
+    """The same with another grid, projected into the cameras; `size` is the silhouettes' height and width (px)."""
+    # Each camera that may miss a voxel is compensated by one more camera that must see it.
+    views = _min_views(settings, prepared.cameras) + prepared.max_misses
+    table = projection_table(prepared.cameras, grid, *size, views)
+    return replace(prepared, table=table, edge=observed_edge(table.observed.reshape(grid.shape)))
+
+
+def with_model(prepared: Prepared, settings: Settings) -> Prepared:
+    """The same with the body prepared for the search, if there is one."""
+    return prepared if settings.search is None else replace(prepared, model=make_model(prepared.body))
+
+
+def _min_views(settings: Settings, cameras: Cameras) -> int:
+    """Cameras that must see an occupied voxel."""
+    return settings.hull.min_views or (3 if len(cameras) >= 6 else 2)
+
+
+def with_subject(
+    prepared: Prepared, recorded: Silhouettes, settings: Settings, calibrate: bool, at_once: int = FRAMES_PER_WORD
+) -> Prepared:
+    """The same with the subject as some frames show it; unchanged if they show nobody, or nothing is to be found."""
     calibrating = calibrate and settings.search is not None and settings.body is None
     if prepared.table is None or (prepared.skeleton_is_known and not calibrating):
         return prepared
-    chosen = np.unique(np.linspace(0, len(recorded) - 1, _SUBJECT_FRAMES).astype(int))
+    chosen = np.unique(np.linspace(0, len(recorded) - 1, SUBJECT_FRAMES).astype(int))
     assert len(chosen) <= FRAMES_PER_WORD
     found = observe_batch(
-        recorded[chosen], prepared, settings, outlines=calibrating, template=lambda graphs: _template(graphs, prepared)
-    )
+        recorded[chosen], prepared, settings, outlines=calibrating, at_once=at_once,
+        template=lambda graphs: _template(graphs, prepared),
+    )  # fmt: skip
     if found.labelled is None:
         return prepared
     skeleton = found.labelled.skeleton

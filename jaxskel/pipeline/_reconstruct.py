@@ -27,10 +27,13 @@ def reconstruct_batch(
     settings: Settings,
     stopwatch: Stopwatch = lambda _: nullcontext(),
     track: Track | None = None,
+    at_once: int = BATCH,
 ) -> tuple[Poses, Track | None]:
-    """Reconstruct up to `BATCH` consecutive frames. ``fps`` and ``frame_index`` count from the batch's start.
+    """Reconstruct up to `at_once` consecutive frames. ``fps`` and ``frame_index`` count from the batch's start.
 
     With tracking, `track` is the state after the frames before, and the new state is returned with the poses.
+
+    `at_once` is the number of frames that programs are compiled for: 32, or 1 for frames that come one by one.
     """
     count = len(silhouettes)
     joints, tips = np.full((count, 15, 3), np.nan, np.float32), np.full((count, 5, 3), np.nan, np.float32)
@@ -38,7 +41,7 @@ def reconstruct_batch(
     covariance, confidence = np.full((count, 15, 3, 3), np.nan, np.float32), np.zeros((count, 15), np.float32)
     sides = np.full(count, 0.5, np.float32)
     objective = settings.refinement.objective_for(prepared.body)
-    seen, start, track = start_of(silhouettes, recording.fps, prepared, settings, objective, track, stopwatch)
+    seen, start, track = start_of(silhouettes, recording.fps, prepared, settings, objective, track, stopwatch, at_once)
     status, good = seen.status, seen.frames
     if start is not None:
         with stopwatch("refine"):

@@ -6,7 +6,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from .._runtime.batching import filled, single_precision
+from .._runtime.batching import length_of, padded, single_precision
 from ..body import Pose, Skeleton
 from ..refinement import Refined, refine_frames
 from ..refinement.terms import Objective, Observed
@@ -37,6 +37,6 @@ def _arguments(
     initial: Pose, observed: Observed, skeleton: Skeleton, objective: Objective, how: RefinementSettings
 ) -> tuple[Any, ...]:
     return (
-        single_precision(objective), how.parametrisation, how.solver, single_precision(skeleton), filled(initial),
-        observed, how.rounds, how.max_steps,
+        single_precision(objective), how.parametrisation, how.solver, single_precision(skeleton),
+        padded(initial, length_of(observed)), observed, how.rounds, how.max_steps,
     )  # fmt: skip

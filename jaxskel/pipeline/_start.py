@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
 from .._math.gaussians import deviation_for
-from .._runtime.batching import filled, on_device, padded, single_precision, take
+from .._runtime.batching import length_of, on_device, padded, single_precision, take
 from ..body import Body, Pose, Skeleton, place_joints
 from ..graph import SkeletalGraph, forest_of
 from ..hull import FRAMES_PER_WORD, Seen, Stopwatch
@@ -22,14 +22,22 @@ from ..search import (
     Hypotheses,
     Proposed,
     Search,
+    Searched,
+    Steps,
     Track,
     Uncertainty,
+    begun,
     cost_threshold,
+    follow_frame,
     graphless_poses,
     initial_poses,
+    lost,
     make_model,
+    must_be_found,
+    search_is_due,
     searched_uncertainty,
     solve_frames,
+    solving,
     start_poses,
     track_frames,
     unexplained_shares,
@@ -69,6 +77,7 @@ def start_of(
     objective: Objective,
     track: Track | None = None,
     stopwatch: Stopwatch = lambda _: nullcontext(),
+    at_once: int = FRAMES_PER_WORD,
 ) -> tuple[Seen, Start | None, Track | None]:
     """Observe a batch, and find the start poses of its people according to the settings.
 
@@ -76,21 +85,28 @@ def start_of(
         The people seen, the start (None if nobody is seen), and the tracking state for the next batch.
     """
     search, tracking = settings.search, settings.tracking
+    if at_once == 1 and track is not None and not objective.needs_graph:
+        followed = None
+        if not must_be_found(track):
+            followed = _by_following(silhouettes, fps, prepared, settings, track, stopwatch)
+        if followed is not None:
+            return followed
+        track = lost(track)
     # With tracking, only frames with a full search need graphs, unless the objective uses them.
     found = observe_batch(
         silhouettes, prepared, settings, label=tracking is None or objective.needs_graph, outlines=search is not None,
-        stopwatch=stopwatch,
+        stopwatch=stopwatch, at_once=at_once,
     )  # fmt: skip
     if len(found.seen.frames) == 0:
         return found.seen, None, track
     if search is None:
         assert found.labelled is not None
-        return found.seen, _by_graph(found.labelled), track
-    start, track = _by_search(found, search, fps, prepared, settings, track, stopwatch)
+        return found.seen, _by_graph(found.labelled, at_once), track
+    start, track = _by_search(found, search, fps, prepared, settings, track, stopwatch, at_once)
     return found.seen, start, track
 
 
-def _by_graph(labelled: Labelled) -> Start:
+def _by_graph(labelled: Labelled, at_once: int) -> Start:
     """Start from the poses of the labelled graphs (Sect. 3.3)."""
     graphs, skeleton, limbs, facing, sides = labelled
 
@@ -100,8 +116,8 @@ def _by_graph(labelled: Labelled) -> Start:
         variance = deviation_for(SAME_PLACE, np.clip(trust, _LEAST_TRUST, _MOST_TRUST)) ** 2
         return Uncertainty((variance[..., None, None] * np.eye(3)).astype(np.float32), trust)
 
-    poses = initial_poses(limbs, facing, skeleton)
-    return Start(poses, on_device(observed_graph(limbs)), _plausible(graphs, limbs, skeleton), sides, uncertainty)
+    poses, observed = initial_poses(limbs, facing, skeleton), on_device(observed_graph(limbs), at_once)
+    return Start(poses, observed, _plausible(graphs, limbs, skeleton), sides, uncertainty)
 
 
 def _by_search(
@@ -112,6 +128,7 @@ def _by_search(
     settings: Settings,
     track: Track | None,
     stopwatch: Stopwatch,
+    at_once: int,
 ) -> tuple[Start, Track | None]:
     """Start from the best poses of a search: graphs propose poses, silhouettes decide between them."""
     seen, labelled, outlines = found.seen, found.labelled, found.outlines
@@ -125,7 +142,7 @@ def _by_search(
             limbs, facing, sides = take(labelled[2:], chosen)
         return Proposed(start_poses(limbs, facing, prepared.skeleton), sides)
 
-    observed = on_device(outlines.observed)
+    observed = on_device(outlines.observed, at_once)
     fallback = graphless_poses(outlines.middles, prepared.skeleton)
     costs, model = prepared.costs, prepared.model or make_model(prepared.body)
     search = search.relative_to(None if costs is None else costs.low)
@@ -137,30 +154,82 @@ def _by_search(
             hypotheses, sides, track = track_frames(
                 model, search, settings.tracking, fps, track, propose, fallback, observed
             )
-        unexplained = _unexplained(hypotheses.best, observed, prepared.body)
-        unusual = cost_threshold(None if costs is None else costs.typical)
-        joints = _joints(hypotheses, prepared.skeleton)
+        start = _start_from(hypotheses, observed, sides, prepared)
+    return start, track
+
+
+def _by_following(
+    silhouettes: UInt8[np.ndarray, "frames=1 cams h w8"],
+    fps: float,
+    prepared: Prepared,
+    settings: Settings,
+    track: Track,
+    stopwatch: Stopwatch,
+) -> tuple[Seen, Start | None, Track] | None:
+    """Start from the pose of the frame before; None where the frame must be searched in.
+
+    Where a search is due, the frame is carved, and the search begins; it goes on, step by step, in the next frames.
+    """
+    search, tracking, skeleton = settings.search, settings.tracking, prepared.skeleton
+    assert search is not None
+    assert tracking is not None
+    due = search_is_due(tracking, fps, track)
+    found = observe_batch(silhouettes, prepared, settings, label=False, carved=due, stopwatch=stopwatch, at_once=1)
+    if len(found.seen.frames) == 0:
+        return found.seen, None, track
+    assert found.outlines is not None
+    observed, middles = on_device(found.outlines.observed, 1), found.outlines.middles
+    model = prepared.model or make_model(prepared.body)
+
+    def steps() -> Steps[Searched]:
+        graphs = draw_graphs(found.seen, np.arange(1), prepared, settings, stopwatch)
+        yield
+        limbs, facing, sides = label_graphs(graphs, skeleton, settings, stopwatch)[2:]
+        yield
+        how = search.relative_to(None if prepared.costs is None else prepared.costs.low)
+        starts, fallback = start_poses(limbs, facing, skeleton), graphless_poses(middles, skeleton)
+        best = yield from solving(model, how, starts, fallback, observed)
+        return Searched(jax.tree.map(lambda a: a[0], best.best), float(best.cost[0, 0]), float(sides[0]))
+
+    with stopwatch("search"):
+        followed = follow_frame(model, tracking, track, observed)
+        if followed is None:
+            return None
+        hypotheses, sides, track = followed
+        if due:
+            track = begun(track, hypotheses, steps())
+        return found.seen, _start_from(hypotheses, observed, sides, prepared), track
+
+
+def _start_from(
+    found: Hypotheses, observed: Observed, sides: Float[np.ndarray, " frames"], prepared: Prepared
+) -> Start:
+    """Start from the cheapest hypotheses; `observed` is on the device."""
+    costs, skeleton = prepared.costs, prepared.skeleton
+    unexplained = _unexplained(found.best, observed, prepared.body)
+    unusual = cost_threshold(None if costs is None else costs.typical)
+    joints = _joints(found, skeleton, length_of(observed))
 
     def uncertainty(refined: Refined) -> Uncertainty:
         return searched_uncertainty(
-            joints, hypotheses.cost, np.asarray(refined.covariance), unusual, unexplained, prepared.clothes
+            joints, found.cost, np.asarray(refined.covariance), unusual, unexplained, prepared.clothes
         )
 
-    return Start(hypotheses.best, observed, unexplained < NOT_THE_SUBJECT, sides, uncertainty), track
+    return Start(found.best, observed, unexplained < NOT_THE_SUBJECT, sides, uncertainty)
 
 
 def _unexplained(poses: Pose, observed: Observed, body: Body) -> Float[np.ndarray, " frames"]:
     """Share of the outlines that lie outside the body and not near it."""
     assert observed.contours is not None
-    shares = unexplained_shares(single_precision(body), filled(poses), observed.contours)
+    shares = unexplained_shares(single_precision(body), padded(poses, length_of(observed)), observed.contours)
     return np.asarray(shares)[: len(poses.root)]
 
 
-def _joints(found: Hypotheses, skeleton: Skeleton) -> Float[np.ndarray, "frames hypotheses joints=15 3"]:
+def _joints(found: Hypotheses, skeleton: Skeleton, at_once: int) -> Float[np.ndarray, "frames hypotheses joints=15 3"]:
     count, hypotheses = found.cost.shape
-    poses = jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:]), padded(found.poses, FRAMES_PER_WORD))
+    poses = jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:]), padded(found.poses, at_once))
     joints = np.asarray(place_joints(single_precision(skeleton), poses)[0])
-    return joints.reshape(FRAMES_PER_WORD, hypotheses, *joints.shape[1:])[:count]
+    return joints.reshape(at_once, hypotheses, *joints.shape[1:])[:count]
 
 
 def _plausible(graphs: list[SkeletalGraph], limbs: Limbs, skeleton: Skeleton) -> Bool[np.ndarray, " frames"]:

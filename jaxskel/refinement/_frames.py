@@ -129,4 +129,6 @@ def refine_frames(
         frame = observed.of(each[0])
         return refine_frame(objective, parametrisation, solver, skeleton, each[1], frame, rounds, max_steps)
 
-    return jax.lax.map(one, (jnp.arange(len(initial.root), dtype=jnp.int32), initial), batch_size=_AT_ONCE)
+    count = len(initial.root)
+    # A frame by itself need not take the steps of both branches, as frames of a batch do.
+    return jax.lax.map(one, (jnp.arange(count, dtype=jnp.int32), initial), batch_size=None if count == 1 else _AT_ONCE)

@@ -1,8 +1,12 @@
-"""Fit batches of hypotheses: all take the same number of steps, in chunks of a fixed size."""
+"""Fit batches of hypotheses: all take the same number of steps, in chunks of a fixed size.
 
-from collections.abc import Callable
+What takes long is written as generators that pause after each chunk, so that a search may last over several frames of a
+stream. `finished` runs one to its end.
+"""
+
+from collections.abc import Callable, Generator
 from concurrent.futures import Executor
-from typing import Any
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
@@ -10,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from .._runtime.batching import on_device, take
+from .._runtime.batching import length_of, on_device, take
 from .._runtime.compile_cache import cached_jit
 from ..body import Body, Pose
 from ..refinement.parametrisations import HingedLimbs
@@ -18,10 +22,16 @@ from ..refinement.terms import Observed, place, volume_objective
 from ._gauss_newton import descend
 from ._hypotheses import Hypotheses, Pool, pool_of
 
+T = TypeVar("T")
+Steps = Generator[None, None, T]
+"""Work in steps; its value is the result."""
+
 _HINGED = HingedLimbs()
 _MOST_STEPS = 16  # length of the array of scales, fixed so that other step counts do not compile again
 # Hypotheses per chunk: enough to hide the overhead of XLA's many small steps.
 AT_ONCE = 8
+# The same for a frame by itself, which has few of them and should not wait long for a chunk.
+_ALONE = (2, 4)
 # A step uses one in this many rays; the final cost uses all.
 _FEW = 9
 
@@ -44,10 +54,25 @@ def fit_poses(body: Body, poses: Pose, observed: Observed, scales: Scales) -> Hy
 
 def fit_pool(body: Body, pool: Pool, stack: Observed, scales: Scales) -> Pool:
     """Minimise `volume_objective` from each hypothesis of a pool; return the poses and their costs."""
+    return finished(fitting(body, pool, stack, scales))
+
+
+def fitting(body: Body, pool: Pool, stack: Observed, scales: Scales) -> Steps[Pool]:
+    """As `fit_pool`, in steps."""
     if len(pool) == 0:
         return pool
-    poses, cost = in_chunks(lambda poses, frames: _fitted(body, poses, frames, stack, scales), pool)
+    sizes = _ALONE if length_of(stack) == 1 else (AT_ONCE,)
+    poses, cost = yield from in_chunks(lambda poses, frames: _fitted(body, poses, frames, stack, scales), pool, sizes)
     return Pool(pool.frame, poses, cost)
+
+
+def finished(steps: Steps[T]) -> T:
+    """The result of some work, all steps of it at once."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            return end.value
 
 
 def fit_ahead(threads: Executor, body: Body, poses: Pose, stack: Observed) -> None:
@@ -55,13 +80,16 @@ def fit_ahead(threads: Executor, body: Body, poses: Pose, stack: Observed) -> No
     _fitted.ahead(threads, body, poses, np.zeros(AT_ONCE, np.int32), stack, fit_scales((0.04, 1)))
 
 
-def in_chunks(work: Callable[[Pose, Int[Array, " chunk"]], Any], pool: Pool, at_once: int = AT_ONCE) -> Any:
-    """Apply `work` to the poses of a pool and their frames in chunks of a fixed size; the last one is padded."""
-    done = []
-    for start in range(0, len(pool), at_once):
-        chosen = np.minimum(np.arange(start, start + at_once), len(pool) - 1)
+def in_chunks(work: Callable[[Pose, Int[Array, " chunk"]], Any], pool: Pool, sizes: tuple[int, ...]) -> Steps[Any]:
+    """Apply `work` to the poses of a pool and their frames in chunks of the given sizes; the last one is padded."""
+    done, start = [], 0
+    while start < len(pool):
+        size = next((size for size in sizes if size >= len(pool) - start), sizes[-1])
+        chosen = np.minimum(np.arange(start, start + size), len(pool) - 1)
         given = take(pool.poses, chosen), pool.frame[chosen].astype(np.int32)
         done.append(jax.tree.map(np.asarray, work(*jax.device_put(given))))
+        start += size
+        yield
     return jax.tree.map(lambda *parts: np.concatenate(parts)[: len(pool)], *done)
 
 

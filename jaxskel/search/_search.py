@@ -12,11 +12,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int
 
-from .._runtime.batching import on_device, single_precision, take
+from .._runtime.batching import length_of, on_device, single_precision, take
 from .._runtime.compile_cache import quickly_compiled
 from ..body import BALL_NAMES, LINKS, SEGMENT_NAMES, Body, Pose, Skeleton, limb_capsules, place_joints
 from ..refinement.terms import Objective, Observed, volume_objective
-from ._fit import fit_pool, fit_scales, in_chunks
+from ._fit import Steps, finished, fit_scales, fitting, in_chunks
 from ._hypotheses import Hypotheses, Pool, pool_of, select_distinct
 from ._limb_search import Limb, best_pairs, best_single, score_limb, unexplained, with_limb
 from ._limb_tables import arm_table, leg_table
@@ -140,86 +140,107 @@ def solve_frames(
     Returns:
         Poses (m, in the world) with axes ``some hypotheses``, the cheapest first; no two of a frame are alike.
     """
+    return finished(solving(model, search, starts, fallback, observed, frames))
+
+
+def solving(
+    model: Model,
+    search: Search,
+    starts: Pose,
+    fallback: Pose,
+    observed: Observed,
+    frames: Int[np.ndarray, " some"] | None = None,
+) -> Steps[Hypotheses]:
+    """As `solve_frames`, in steps."""
     frames = np.arange(len(fallback.root)) if frames is None else frames
     stack = on_device(observed)
     most = search.trunks * search.pairs
 
-    def searched(starts: Pose, frames: Int[np.ndarray, " some"], wide: bool) -> Pool:
-        return _searched(model, search, pool_of(starts, frames), stack, wide).distinct(most)
+    def searched(starts: Pose, frames: Int[np.ndarray, " some"], wide: bool) -> Steps[Pool]:
+        return (yield from _searched(model, search, pool_of(starts, frames), stack, wide)).distinct(most)
 
     def around(frames: Int[np.ndarray, " some"]) -> Pose:
         best = found.rows(frames, 1).best
-        joints = np.asarray(place_joints(model.skeleton, on_device(best))[0])
+        joints = np.asarray(place_joints(model.skeleton, on_device(best, length_of(stack)))[0])
         return other_ways(joints[: len(frames)], model.skeleton)
 
-    found = searched(starts, frames, wide=False)
+    found = yield from searched(starts, frames, wide=False)
     for more in (lambda frames: take(fallback, frames), around):
         best = found.cheapest(1)
         doubtful = best.frame[best.cost > search.doubtful]
         if len(doubtful):
-            found = found.joined(searched(more(doubtful), doubtful, wide=True)).distinct(most)
+            others = yield from searched(more(doubtful), doubtful, wide=True)
+            found = found.joined(others).distinct(most)
     return found.rows(frames, most)
 
 
-def _searched(model: Model, search: Search, starts: Pool, stack: Observed, wide: bool) -> Pool:
-    def again(found: Pool, frames: Int[np.ndarray, " some"], propose: _Propose) -> Pool:
+def _searched(model: Model, search: Search, starts: Pool, stack: Observed, wide: bool) -> Steps[Pool]:
+    def again(found: Pool, frames: Int[np.ndarray, " some"], propose: _Propose) -> Steps[Pool]:
         """Propose other limbs for the best pose of some frames, fit the proposals, and keep the cheapest."""
         if len(frames) == 0:
             return found
         best = found.of(frames).cheapest(1)
-        proposed = _proposed(best, propose)
-        other = _fitted(model, search, proposed, stack, (search.singles + 1) // 2, best)
+        proposed = yield from _proposed(best, propose, stack)
+        other = yield from _fitted(model, search, proposed, stack, (search.singles + 1) // 2, best)
         return found.joined(other).distinct(search.trunks * search.pairs)
 
     def single(limb: str, poses: Pose, at: Int[Array, " n"]) -> Pose:
         return with_single(model, poses, at, stack, limb, search.singles)
 
-    def settled(found: Pool) -> Pool:
+    def settled(found: Pool) -> Steps[Pool]:
         """Fit the best pose of each frame further."""
-        best = fit_pool(model.body, found.cheapest(1), stack, fit_scales((0.04, search.steps)))
+        best = yield from fitting(model.body, found.cheapest(1), stack, fit_scales((0.04, search.steps)))
         return best.joined(found).distinct(search.trunks * search.pairs)
 
-    found = settled(_first_found(model, search, starts, stack, wide))
+    found = yield from settled((yield from _first_found(model, search, starts, stack, wide)))
     frames = every = np.unique(found.frame)
     for turn in range(search.again):
         before = found.cheapest(1).cost
         if turn == 1:
             doubtful = every[before > search.doubtful]
-            found = again(found, doubtful, lambda poses, at: with_pairs(model, poses, at, stack, _LEGS, search.pairs))
+            found = yield from again(found, doubtful, _pairs_of(_LEGS, model, search, stack))
         for limb in ARMS:
-            found = again(found, frames, partial(single, limb))
+            found = yield from again(found, frames, partial(single, limb))
         frames = every[found.cheapest(1).cost < before - _GAIN]
-    return settled(found)
+    return (yield from settled(found))
 
 
-def _first_found(model: Model, search: Search, starts: Pool, stack: Observed, wide: bool) -> Pool:
+def _first_found(model: Model, search: Search, starts: Pool, stack: Observed, wide: bool) -> Steps[Pool]:
     """Fit the trunk, then the legs, then search for both arms at once; if `wide`, search for the legs before."""
     half = search.leg_steps // 2
-    trunks = fit_pool(model.armless, starts, stack, fit_scales((0.08, search.rough_steps)))
+    trunks = yield from fitting(model.armless, starts, stack, fit_scales((0.08, search.rough_steps)))
     if wide:
         # Of every start: before the legs are right, the cost does not tell which trunk is.
-        trunks = _proposed(trunks, lambda poses, at: with_pairs(model, poses, at, stack, _LEGS, search.pairs))
-        trunks = fit_pool(model.armless, trunks, stack, fit_scales((0.08, search.rough_steps)))
+        trunks = yield from _proposed(trunks, _pairs_of(_LEGS, model, search, stack), stack)
+        trunks = yield from fitting(model.armless, trunks, stack, fit_scales((0.08, search.rough_steps)))
     trunks = trunks.cheapest(search.starts)
     for scale, steps in ((0.08, half), (0.05, search.leg_steps - half)):
-        trunks = fit_pool(model.armless, trunks, stack, fit_scales((scale, steps)))
+        trunks = yield from fitting(model.armless, trunks, stack, fit_scales((scale, steps)))
         trunks = take(trunks, select_distinct(trunks, search.trunk_margin, search.trunks, _TRUNK))
-    pairs = _proposed(trunks, lambda poses, at: with_pairs(model, poses, at, stack, ARMS, search.pairs))
-    return _fitted(model, search, pairs, stack, search.pairs)
+    proposed = yield from _proposed(trunks, _pairs_of(ARMS, model, search, stack), stack)
+    return (yield from _fitted(model, search, proposed, stack, search.pairs))
 
 
-def _fitted(model: Model, search: Search, pool: Pool, stack: Observed, count: int, known: Pool | None = None) -> Pool:
+def _fitted(
+    model: Model, search: Search, pool: Pool, stack: Observed, count: int, known: Pool | None = None
+) -> Steps[Pool]:
     """Fit hypotheses with all limbs; only the promising ones take the second half of the steps."""
     half = search.steps // 2
-    rough = fit_pool(model.body, pool, stack, fit_scales((0.06, half)))
+    rough = yield from fitting(model.body, pool, stack, fit_scales((0.06, half)))
     chosen = select_distinct(rough, search.margin, count, known=known)
     scales = fit_scales((0.04, search.steps - half))
-    return fit_pool(model.body, take(rough, chosen), stack, scales).joined(take(rough, ~chosen))
+    fine = yield from fitting(model.body, take(rough, chosen), stack, scales)
+    return fine.joined(take(rough, ~chosen))
 
 
-def _proposed(pool: Pool, propose: _Propose) -> Pool:
+def _proposed(pool: Pool, propose: _Propose, stack: Observed) -> Steps[Pool]:
     """All proposals for each hypothesis of a pool, with costs not computed yet."""
-    return pool_of(in_chunks(propose, pool, LIMBS_AT_ONCE), pool.frame)
+    sizes = (1,) if length_of(stack) == 1 else (LIMBS_AT_ONCE,)
+    return pool_of((yield from in_chunks(propose, pool, sizes)), pool.frame)
+
+
+def _pairs_of(limbs: tuple[str, str], model: Model, search: Search, stack: Observed) -> _Propose:
+    return lambda poses, at: with_pairs(model, poses, at, stack, limbs, search.pairs)
 
 
 @quickly_compiled

@@ -3,52 +3,26 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
-from .._runtime.batching import on_device, single_precision, take
+from .._runtime.batching import length_of, on_device, single_precision, take
 from .._runtime.compile_cache import cached_jit
 from ..body import Pose, place_joints
 from ..refinement.terms import Observed
 from ._fit import Scales, fit_hypothesis, fit_scales
 from ._hypotheses import Hypotheses, Pool, pool_of
 from ._search import Model, Search, cost_threshold, solve_frames
+from ._track_state import Track, Tracking
 
-# Frames per batch that is tracked forwards and backwards.
-TRACKED_FRAMES = 32
 # Number of past costs in the running median.
 _RECENT = 90
 # Two poses are the same if no joint differs by more than this (m).
 _SAME = 0.05
 # If a joint moves farther than this between two frames (m), the track may be lost, and the frame is searched in.
 _FAR = 0.2
-
-
-class Tracking(eqx.Module):
-    """Settings of tracking."""
-
-    interval: float = 0.25
-    """Time between two full searches (s): the longest time that the track can follow a pose that another one beats."""
-    steps: int = 6
-    """Steps of the fit that starts at the pose of the frame before."""
-    margin: float = 2.0
-    """Hysteresis: the track switches to another pose only if that is cheaper by this cost."""
-
-
-class Track(eqx.Module):
-    """State of tracking after the last frame."""
-
-    last: Pose
-    before: Pose
-    since: int
-    """Frames since the last full search."""
-    costs: Float[np.ndarray, " recent"]
-    """Costs of the most recent poses."""
-    sides: float = 0.5
-    """Confidence of the last full search that left and right are not exchanged (0.5..1)."""
 
 
 class Proposed(NamedTuple):
@@ -70,11 +44,12 @@ def track_frames(
     fallback: Pose,
     observed: Observed,
 ) -> tuple[Hypotheses, Float[np.ndarray, " frames"], Track]:
-    """Estimate the poses of up to `TRACKED_FRAMES` consecutive frames.
+    """Estimate the poses of consecutive frames: of up to 32, or of one that arrives by itself.
 
     A full search runs at regular intervals, in frames that cost more than is usual for the subject, and in frames where
     a joint moves suspiciously far. From the poses found, the track runs forwards and backwards. Where the two differ,
-    the path that is cheaper over all frames wins, so the sequence as a whole decides between left and right.
+    the path that is cheaper over all frames wins, so the sequence as a whole decides between left and right. A stack of
+    one frame has no way back.
 
     Args:
         model: The subject.
@@ -84,14 +59,14 @@ def track_frames(
         track: State after the frames before; None at the start.
         propose: Returns the start poses for the given frame indices.
         fallback: As for `solve_frames`.
-        observed: Outlines and silhouettes, with a leading axis ``frames``.
+        observed: Outlines and silhouettes, with a leading axis ``frames``, see `on_device`.
 
     Returns:
-        Two hypotheses for each frame, the chosen one first; the confidence of the latest search in left and right
-        (0.5..1); and the new tracking state.
+        Two hypotheses for each frame, the chosen one first, or one in a stack of one frame; the confidence of the
+        latest search in left and right (0.5..1); and the new tracking state.
     """
     count = len(fallback.root)
-    every = max(1, round(tracking.interval * fps))
+    every = between_searches(tracking, fps)
     since = every if track is None else track.since
     searched = np.flatnonzero((np.arange(count) + 1 + since) % every == 0) if every > 1 else np.arange(count)
     if track is None:
@@ -108,33 +83,57 @@ def track_frames(
     offers = pool_of(jax.tree.map(lambda a: a[:, :1], fallback), np.arange(count))
     if len(searched):
         offers = offers.joined(searched_in(searched)).cheapest(1)
-    costs = np.zeros(0) if track is None else track.costs
-    found = _best_track(model, tracking, track, offers, stack)
-    usual = float(np.median(np.concatenate([costs, found.cost[:, 0]])[-_RECENT:]))
-    places = _places(model, found.best)
-    start = places[0] if track is None else _last_place(model, track)
-    moved = np.linalg.norm(np.diff(places, axis=0, prepend=start[None]), axis=-1).max(-1)
-    lost = np.setdiff1d(np.flatnonzero((found.cost[:, 0] > cost_threshold(usual)) | (moved > _FAR)), searched)
+    found = best_track(model, tracking, track, offers, stack)
+    lost = np.setdiff1d(np.flatnonzero(suspicious(model, track, found)), searched)
     if len(lost):
         offers = offers.joined(searched_in(lost)).cheapest(1)
-        found = _best_track(model, tracking, track, offers, stack)
-    last, before = (jax.tree.map(lambda a, i=i: a[max(count - i, 0)], found.best) for i in (1, 2))
-    if count == 1 and track is not None:
-        before = track.last
-    costs = np.concatenate([costs, found.cost[:, 0]])[-_RECENT:]
+        found = best_track(model, tracking, track, offers, stack)
     # Each frame takes the confidence of the latest search before it.
     latest = np.maximum.accumulate(np.where(np.isnan(sides), -1, np.arange(count)))
     sides = np.where(latest >= 0, sides[latest], 0.5 if track is None else track.sides)
-    return found, sides, Track(last, before, (since + count) % every, costs, float(sides[-1]))
+    return found, sides, state_after(track, found, (since + count) % every, float(sides[-1]))
 
 
-def _best_track(model: Model, tracking: Tracking, track: Track | None, offers: Pool, stack: Observed) -> Hypotheses:
+def follow_scales(tracking: Tracking) -> Scales:
+    half = tracking.steps // 2
+    return fit_scales((0.08, half), (0.04, tracking.steps - half))
+
+
+def between_searches(tracking: Tracking, fps: float) -> int:
+    """Frames from one full search to the next."""
+    return max(1, round(tracking.interval * fps))
+
+
+def suspicious(model: Model, track: Track | None, found: Hypotheses) -> Bool[np.ndarray, " frames"]:
+    """Frames that cost more than is usual for the subject, or in which a joint moves suspiciously far."""
+    usual = float(np.median(_costs_after(track, found)))
+    places = _places(model, found.best)
+    start = places[0] if track is None else _last_place(model, track)
+    moved = np.linalg.norm(np.diff(places, axis=0, prepend=start[None]), axis=-1).max(-1)
+    return (found.cost[:, 0] > cost_threshold(usual)) | (moved > _FAR)
+
+
+def _costs_after(track: Track | None, found: Hypotheses) -> Float[np.ndarray, " recent"]:
+    costs = np.zeros(0) if track is None else track.costs
+    return np.concatenate([costs, found.cost[:, 0]])[-_RECENT:]
+
+
+def state_after(track: Track | None, found: Hypotheses, since: int, sides: float) -> Track:
+    """State after the frames found."""
+    count = len(found.cost)
+    last, before = (jax.tree.map(lambda a, i=i: a[max(count - i, 0)], found.best) for i in (1, 2))
+    if count == 1 and track is not None:
+        before = track.last
+    return Track(last, before, since, _costs_after(track, found), sides)
+
+
+def best_track(model: Model, tracking: Tracking, track: Track | None, offers: Pool, stack: Observed) -> Hypotheses:
     count = len(offers)
     first = jax.tree.map(lambda a: a[0], offers.poses)
     last, before = (first, first) if track is None else (track.last, track.before)
-    frames = np.minimum(np.arange(TRACKED_FRAMES), count - 1)
-    half = tracking.steps // 2
-    scales = fit_scales((0.08, half), (0.04, tracking.steps - half))
+    length = length_of(stack)
+    frames = np.minimum(np.arange(length), count - 1)
+    scales = follow_scales(tracking)
 
     def follow(order: Int[np.ndarray, " frames"], last: Pose, before: Pose) -> tuple[Pose, np.ndarray]:
         margin, number = jnp.asarray(tracking.margin, jnp.float32), jnp.asarray(order, jnp.int32)
@@ -144,8 +143,10 @@ def _best_track(model: Model, tracking: Tracking, track: Track | None, offers: P
         return jax.tree.map(lambda a: np.asarray(a)[:count], found)
 
     forwards, cost = follow(frames, last, before)
+    if length == 1:
+        return Hypotheses(jax.tree.map(lambda a: a[:, None], forwards), cost[:, None])
     end = jax.tree.map(lambda a: a[-1], forwards)
-    back = np.maximum(np.arange(count - 1, count - 1 - TRACKED_FRAMES, -1), 0)
+    back = np.maximum(np.arange(count - 1, count - 1 - length, -1), 0)
     backwards, other = jax.tree.map(lambda a: a[::-1], follow(back, end, end))
     places = np.stack([_places(model, forwards), _places(model, backwards)], 1)
     costs = np.stack([cost, other], 1)

@@ -1,4 +1,4 @@
-"""Keeps compiled code on disk, so that from the second run on a command starts in seconds."""
+"""Keeps compiled programs on disk, so that from the second run on the first pose comes in seconds."""
 
 import hashlib
 import os
@@ -7,31 +7,36 @@ from pathlib import Path
 import jax
 from platformdirs import user_cache_path
 
-from .._runtime.compile_cache import processor
-from .._runtime.private_folders import is_private, make_private, say_shared
+from .compile_cache import processor
+from .private_folders import is_private, make_private, say_shared
 
 
-def keep_compiled() -> None:
-    """Make JAX keep compiled code, unless ``JAX_COMPILATION_CACHE_DIR`` already sets the place.
+def keep_compiled(folder: str | Path | None = None) -> None:
+    """Keep compiled programs on disk, for this process, those that it starts, and later ones.
 
-    If others may write to the folder, nothing is loaded or kept, and a warning says so.
+    The command line does this by itself. Call it before the first reconstruction. If others may write to the folder,
+    nothing is loaded or kept, and a warning says so.
+
+    Args:
+        folder: Where to keep them; by default the folder of ``JAX_COMPILATION_CACHE_DIR``, and without that the
+            command line's, in the user's cache folder.
     """
-    told = os.environ.get("JAX_COMPILATION_CACHE_DIR")
+    told = os.environ.get("JAX_COMPILATION_CACHE_DIR") if folder is None else None
     if told == "" or (told is not None and "://" in told):  # disabled, or a cloud bucket
         return
-    folder = compiled_folder() if told is None else Path(told)
+    place = Path(folder or told or compiled_folder())
     try:
-        make_private(folder)
-        shared = not is_private(folder)
+        make_private(place)
+        shared = not is_private(place)
     except OSError:  # JAX compiles without a cache
         shared = False
     if shared:
-        say_shared(folder)
+        say_shared(place)
         jax.config.update("jax_compilation_cache_dir", None)
         os.environ.pop("JAX_COMPILATION_CACHE_DIR", None)  # for the processes of --jobs
     if shared or told is not None:
         return
-    for option, value in _options().items():
+    for option, value in _options(place).items():
         jax.config.update(option, value)
         os.environ[option.upper()] = str(value)  # for the processes of --jobs
 
@@ -41,7 +46,7 @@ def forget_compiled() -> bool:
 
     On another machine the folder may be different.
     """
-    ours = {option.upper(): str(value) for option, value in _options().items()}
+    ours = {option.upper(): str(value) for option, value in _options(compiled_folder()).items()}
     if any(os.environ.get(name) != value for name, value in ours.items()):
         return False
     for name in ours:
@@ -49,10 +54,10 @@ def forget_compiled() -> bool:
     return True
 
 
-def _options() -> dict[str, str | float]:
+def _options(folder: Path) -> dict[str, str | float]:
     """Options of JAX. All functions are kept, since the many small ones add up."""
     return {
-        "jax_compilation_cache_dir": str(compiled_folder()),
+        "jax_compilation_cache_dir": str(folder),
         "jax_persistent_cache_min_compile_time_secs": 0.0,
         "jax_persistent_cache_min_entry_size_bytes": -1,
     }

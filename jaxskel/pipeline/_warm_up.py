@@ -1,0 +1,77 @@
+"""Compiles what a stream needs before its first frame comes."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import equinox as eqx
+import numpy as np
+
+from ..body import Body, Skeleton, default_adult, make_body, place_body
+from ..cameras import Cameras, make_cameras
+from ..hull import carve, most_misses, projection_table
+from ..synthetic import camera_ring, demo_motion, render
+from ._following_grid import grid_around
+from ._settings import Settings
+from ._stream import Stream, streaming
+
+# Frames of the built-in motion, as a quarter of a second has at most: the first is searched in, others are followed.
+_FRAMES = 4
+# Shares of the images that a person is wide; each has programs of its own, see `cut_windows`.
+_WIDE = (0.25, 0.5, 1.0)
+
+
+def warm_up(cameras: Cameras, settings: Settings | None = None, subject: Body | Skeleton | None = None) -> None:
+    """Compile everything that a `Stream` with these arguments needs, or load what `keep_compiled` has kept.
+
+    Nothing then compiles in the middle of a stream. A rendered person is reconstructed in a ring of as many cameras:
+    programs depend on the number of cameras, the sizes of images, the kinds of lenses and the settings, not on where
+    cameras stand.
+
+    Args:
+        cameras: The rig.
+        settings: As for `Stream`.
+        subject: As for `Stream`; only what is known matters, not who it is.
+    """
+    settings = streaming(settings)
+    rig = _ring_like(cameras)
+    adult = default_adult()
+    body = make_body(adult)
+    masks = render(rig, *place_body(body, demo_motion(adult, _FRAMES, 30.0)))
+    for stream in _streams(rig, settings, subject, body):
+        with stream:
+            for frame in masks:
+                stream.push(frame)
+    _carve_all_ways(rig, settings)
+
+
+def _streams(rig: Cameras, settings: Settings, subject: Body | Skeleton | None, body: Body) -> Iterator[Stream]:
+    """Streams that go every way: a subject to be found, searches from all starts, masks that contradict each other."""
+    yield Stream(rig, settings, subject)
+    if settings.search is None:
+        return
+    doubtful = eqx.tree_at(lambda s: s.search.doubtful, settings, -np.inf)
+    yield Stream(rig, doubtful, body)
+    if settings.hull.max_misses is None and most_misses(len(rig)):
+        yield Stream(rig, replace(settings, hull=replace(settings.hull, max_misses=1)), body)
+
+
+def _carve_all_ways(rig: Cameras, settings: Settings) -> None:
+    """Carve people of all widths, with all numbers of views that may err."""
+    width, height = rig.size.max(0).tolist()
+    grid, told = grid_around(np.array([0.0, 0.0, 1.0]), settings.hull.spacing), settings.hull.max_misses
+    columns = -(-width // 8)
+    table = projection_table(rig, grid, height, 8 * columns)
+    for share in _WIDE:
+        wide = max(1, int(share * columns))
+        left = (columns - wide) // 2
+        silhouettes = np.zeros((1, len(rig), height, columns), np.uint8)
+        silhouettes[..., height // 4 : -(height // 4), left : left + wide] = 0xFF
+        for misses in range(most_misses(len(rig)) + 1) if told is None else (told,):
+            carve(silhouettes, table, max_misses=misses, at_once=1)
+
+
+def _ring_like(cameras: Cameras) -> Cameras:
+    """The same number and kinds of cameras, in a ring around the origin."""
+    right, low = cameras.size.min(0).tolist()
+    ring = camera_ring(len(cameras), size=(right, low))
+    return make_cameras(ring.K, ring.R, ring.t, cameras.size, names=cameras.names, fisheye=cameras.are_fisheye)

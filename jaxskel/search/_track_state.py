@@ -1,0 +1,67 @@
+"""Settings and state of tracking."""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float
+
+from ..body import Pose
+from ._fit import Steps
+
+
+class Tracking(eqx.Module):
+    """Settings of tracking."""
+
+    interval: float = 0.25
+    """Time between two full searches (s): the longest time that the track can follow a pose that another one beats."""
+    steps: int = 6
+    """Steps of the fit that starts at the pose of the frame before."""
+    margin: float = 2.0
+    """Hysteresis: the track switches to another pose only if that is cheaper by this cost."""
+
+
+class Searched(NamedTuple):
+    """What a full search found in one frame."""
+
+    pose: Pose
+    cost: float
+    sides: float
+    """Confidence that left and right are not exchanged (0.5..1)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ongoing:
+    """A search in one frame while later ones are followed. No tree of arrays: JAX does not look into it."""
+
+    steps: Steps[Searched]
+    pose: Pose
+    """Pose of the track in the frame that is searched in."""
+    cost: float
+    """Its cost."""
+
+
+class Track(eqx.Module):
+    """State of tracking after the last frame."""
+
+    last: Pose
+    before: Pose
+    since: int
+    """Frames since the last full search."""
+    costs: Float[np.ndarray, " recent"]
+    """Costs of the most recent poses."""
+    sides: float = 0.5
+    """Confidence of the last full search that left and right are not exchanged (0.5..1)."""
+    ongoing: Ongoing | None = None
+    """A search that lasts over several frames of a stream."""
+
+
+def must_be_found(track: Track) -> bool:
+    """Whether the next frame of a stream must be searched in before anything else, see `lost`."""
+    return track.since < 0
+
+
+def lost(track: Track) -> Track:
+    """The same track, but the person must be found in the next frame."""
+    return replace(track, since=-1, ongoing=None)

@@ -1,0 +1,80 @@
+"""Following in a stream: a search that lasts over several frames mends a wrong track."""
+
+from dataclasses import replace
+
+import equinox as eqx
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from support.capsule_films import ADULT, BODY, Filmed, film_body, joints_of, some
+
+from jaxskel import Pose
+from jaxskel._runtime.batching import on_device
+from jaxskel.body import SEGMENT_NAMES
+from jaxskel.search import Searched, Track, Tracking, follow_frame, lost, make_model, must_be_found, search_is_due
+from jaxskel.search._follow_frame import search_on
+from jaxskel.search._track_state import Ongoing
+from jaxskel.synthetic import demo_motion
+
+FPS, FRAMES = 24.0, 20
+
+
+@pytest.fixture(scope="module")
+def filmed() -> Filmed:
+    """A second of a walk."""
+    return film_body(some(demo_motion(ADULT, 120, FPS), np.arange(36, 36 + FRAMES)), FPS)
+
+
+def test_a_search_begins_at_intervals_and_once_only(filmed):
+    pose = some(filmed.truth, 0)
+    track = Track(pose, pose, 4, np.full(30, 3.0))
+    assert not search_is_due(Tracking(), FPS, track)
+    track = replace(track, since=5)  # a quarter of a second at 24 frames per second
+    assert search_is_due(Tracking(), FPS, track)
+    assert not search_is_due(Tracking(), FPS, replace(track, ongoing=Ongoing(found_at(pose, 3.0), pose, 3.0)))
+    assert not must_be_found(track)
+    assert must_be_found(lost(track))
+
+
+def found_at(pose: Pose, cost: float):
+    """A search of three steps."""
+    yield
+    yield
+    return Searched(pose, cost, 0.9)
+
+
+@pytest.mark.parametrize(("cost", "better"), [(3.0, True), (98.5, False)])
+def test_what_a_search_found_is_carried_to_the_frame_that_has_come(filmed, cost, better):
+    model, up = make_model(BODY), Rotation.from_euler("y", 170, degrees=True).as_matrix()
+
+    def wrong(frame: int) -> Pose:
+        pose = some(filmed.truth, frame)
+        raised = [SEGMENT_NAMES.index(f"r_{name}") for name in ("upper_arm", "forearm", "hand")]
+        rotations = np.array(pose.rotations)
+        rotations[raised] = up @ rotations[raised]
+        return Pose(pose.root, rotations)
+
+    ongoing = Ongoing(found_at(some(filmed.truth, 2), cost), wrong(2), 100.0)
+    track = Track(wrong(5), wrong(4), 0, np.full(30, 3.0), 0.5, ongoing)
+    stack = on_device(some(filmed.observed, [6]), 1)
+    for _ in range(2):
+        track, offer = search_on(model, Tracking(), track, stack)
+        assert offer is None
+        assert track.ongoing is not None
+    track, offer = search_on(model, Tracking(), track, stack)
+    assert track.ongoing is None
+    assert track.sides == 0.9
+    assert (offer is not None) == better
+    if offer is not None:
+        assert np.linalg.norm(joints_of(offer.poses)[0] - filmed.joints[6], axis=-1).max() < 0.08
+
+
+def test_a_walk_is_followed_and_a_jump_is_suspicious(filmed):
+    model, track = make_model(BODY), Track(some(filmed.truth, 0), some(filmed.truth, 0), 0, np.full(30, 3.0))
+    for frame in range(1, 5):
+        found = follow_frame(model, Tracking(), track, on_device(some(filmed.observed, [frame]), 1))
+        assert found is not None
+        hypotheses, _, track = found
+        assert np.linalg.norm(joints_of(hypotheses.best)[0] - filmed.joints[frame], axis=-1).max() < 0.08
+    away = eqx.tree_at(lambda t: t.last.root, track, track.last.root + np.float32([0.6, 0, 0]))
+    assert follow_frame(model, Tracking(), away, on_device(some(filmed.observed, [5]), 1)) is None
