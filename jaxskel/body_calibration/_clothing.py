@@ -17,8 +17,10 @@ _BARE = ("palm", "finger", "ankle", "heel", "ball", "toe", "bag_top", "bag_low")
 # What is worn may be in front of these or, like a bag, behind them. Around limbs it is equally thick, so that their
 # flesh still tells front and back apart.
 _ASIDE = ("seat", "waist", "chest", "girdle", "nape", "face", "crown")
-# Standard deviation before anything is known (m), of radii and of shifts to the front, and where nothing is worn.
-_THICKER, _SHIFTED, _NOTHING = 0.05, 0.02, 1e-4
+# Standard deviation before anything is known (m), of radii and of shifts to the front, and where nothing is worn. That
+# of shifts is never larger: heads were placed 13 cm in front of their necks (Pose2Sim's recording), and 17 cm behind
+# under a hood (three cameras).
+_THICKER, _SHIFTED, _NOTHING = 0.05, 0.01, 1e-4
 # Flesh that deviates by fewer standard deviations than this is no sign of clothes.
 _FLESH_DEVIATIONS = 2.0
 
@@ -68,6 +70,5 @@ class Clothing(eqx.Module):
         flesh = np.maximum(inverse - self.deviations**2, 0.0)
         explained = np.maximum(off**2 - _FLESH_DEVIATIONS**2 * flesh, _NOTHING**2)
         halfway = np.sqrt((self.deviations**2 + np.where(_GROWS & (off < 0), _NOTHING**2, explained)) / 2)
-        # What is worn only in front of a part, or only behind it, makes it thicker by as much. Without this limit, a
-        # head was placed 13 cm in front of its neck (Pose2Sim's recording).
-        return Clothing(np.where(_GROWS, halfway, np.minimum(halfway, halfway[_RADIUS_OF])))
+        # What is worn only in front of a part, or only behind it, makes it thicker, too.
+        return Clothing(np.where(_GROWS, halfway, np.minimum(np.minimum(halfway, _SHIFTED), halfway[_RADIUS_OF])))
