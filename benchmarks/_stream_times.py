@@ -27,7 +27,7 @@ def stream_times(recording: Recording, settings: Settings, prepared: Prepared, r
     frames, carvings = [], []
     for turn in range(1 + repeat):
         with Stream(recording.cameras, settings, subject, recording.up, recording.fps) as stream:
-            for number, frame in enumerate(recording.silhouettes):
+            for number, frame in enumerate(np.asarray(recording.silhouettes)):
                 start = time.perf_counter()
                 carve()
                 between = time.perf_counter()
