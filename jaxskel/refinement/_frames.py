@@ -13,7 +13,7 @@ from .._runtime.compile_cache import cached_jit
 from ..body import Pose, Skeleton
 from ._covariance import equations_at, spread
 from .parametrisations import Parametrisation
-from .solvers import NormalEquationsLM
+from .solvers import NormalEquations, NormalEquationsLM
 from .terms import Objective, Observed
 
 Solver = optx.AbstractLeastSquaresSolver | optx.AbstractMinimiser
@@ -72,11 +72,10 @@ def refine_frame(
             max_steps=max_steps,
             throw=False,
         )
-        # This package's solver has the equations at its solution. They need not be formed again, which would take as
-        # long to compile as the solve.
+        # This package's solver has the equations at its solution: to form them again would be compiled once more.
         equations = (
             solution.state.equations
-            if isinstance(solver, NormalEquationsLM)
+            if isinstance(solver, NormalEquationsLM) and solver.equations is NormalEquations
             else equations_at(lambda unknowns: residuals(unknowns, (base, fixed)), solution.value)
         )
         covariance = spread(equations, parametrisation, solution.value, base, skeleton)
