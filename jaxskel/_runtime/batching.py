@@ -25,12 +25,12 @@ def step_above(count: int) -> int:
 
 
 def aligned(shape: tuple[int, ...], kind: Any = np.float32) -> np.ndarray:
-    """An uninitialised array, aligned so that JAX on a CPU uses it without copying.
+    """An array of zeros, aligned so that JAX on a CPU uses it without copying.
 
     Do not change it after it has been passed to JAX.
     """
     size = int(np.prod(shape)) * np.dtype(kind).itemsize
-    memory = np.empty(size + _ALIGNED, np.uint8)
+    memory = np.zeros(size + _ALIGNED, np.uint8)  # pages that nothing is written to take no memory
     start = -memory.ctypes.data % _ALIGNED
     return memory[start : start + size].view(kind).reshape(shape)
 

@@ -3,6 +3,8 @@
 In: K, R, t, distortion. Out: projections (px), unit viewing rays, comparisons of rigs.
 """
 
+from ._blind import rig_size as rig_size
+from ._blind import with_blind_cameras as with_blind_cameras
 from ._cameras import Cameras as Cameras
 from ._cameras import apparent_depth as apparent_depth
 from ._cameras import in_cameras as in_cameras

@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float, Int, UInt8
 
 from .._runtime.batching import aligned
 from .._runtime.materialise import computed_once
-from ..cameras import Cameras, apparent_depth, in_cameras, lens_slopes, on_images
+from ..cameras import Cameras, apparent_depth, in_cameras, lens_slopes, on_images, rig_size, with_blind_cameras
 from ..recording import Box, person_boxes, unpacked_box
 
 T = TypeVar("T")
@@ -36,12 +36,16 @@ _LOST = -1e3
 class SilhouetteDistances(eqx.Module):
     """Signed distance to the outline of each silhouette, on a regular grid of its image: negative on the person."""
 
-    values: Float[Array | np.ndarray, "*stack cams rows columns"]
-    """Distances (px), with the leading axes of the other fields, or those of a stack, see `frame`."""
+    values: Float[Array | np.ndarray, "*stack cams cells"]
+    """Distances (px), row by row, with the leading axes of the other fields, or those of a stack, see `frame`. There is
+    space for images of every shape; what is beyond the last row has no meaning."""
+    shape: Int[Array | np.ndarray, "*frames 2"]
+    """Number of rows and columns of the grid."""
     step: Float[Array | np.ndarray, "*frames"]
     """Spacing of the values (px)."""
     cameras: Cameras
-    """The rig, in the working world, with the same leading axes."""
+    """The rig, in the working world, with the same leading axes; after its cameras come some that see nothing, so that
+    rigs of similar size share compiled code."""
     misses: Int[Array | np.ndarray, "*frames"]
     """Number of views that may err at any point."""
     frame: Int[Array, ""] | None = None
@@ -49,8 +53,8 @@ class SilhouetteDistances(eqx.Module):
 
     def of(self, frame: Int[Array, ""]) -> "SilhouetteDistances":
         """One frame of a stack on the device; the large array of values is shared, not copied."""
-        step, cameras, misses = jax.tree.map(lambda a: a[frame], (self.step, self.cameras, self.misses))
-        return SilhouetteDistances(self.values, step, cameras, misses, frame)
+        own = jax.tree.map(lambda a: a[frame], (self.shape, self.step, self.cameras, self.misses))
+        return SilhouetteDistances(self.values, *own, frame)
 
     def at(self, points: Float[Array, "points 3"]) -> Float[Array, "cams points"]:
         """Distances at points in the world (m, at the depth of each point, see `apparent_depth`), for one frame.
@@ -76,7 +80,7 @@ class SilhouetteDistances(eqx.Module):
     def empty_views(self) -> Bool[Array, " cams"]:
         """Views of one frame without information, because they show no person."""
         values = jnp.asarray(self.values)
-        return (values if self.frame is None else values[self.frame])[:, 0, 0] == _LOST
+        return (values if self.frame is None else values[self.frame])[:, 0] == _LOST
 
     def near(self, points: Float[Array, "points 3"]) -> Float[Array, "cams points"]:
         """As `at`, but without interpolation and without a gradient."""
@@ -139,7 +143,7 @@ class SilhouetteDistances(eqx.Module):
         self, u: Float[Array, "cams points"], v: Float[Array, "cams points"]
     ) -> tuple[Bool[Array, "cams points"], Float[Array, "cams points"], Float[Array, "cams points"]]:
         """Whether image points (px) are seen, and their coordinates in the grid, whose values are means over cells."""
-        rows, columns = self.values.shape[-2:]
+        rows, columns = self._shape
         # Unseen points are NaN and would make the gradient by the step NaN; the step is never a variable.
         step = jax.lax.stop_gradient(self.step)
         x, y = ((a + 0.5) / step - 0.5 for a in (u, v))
@@ -147,12 +151,15 @@ class SilhouetteDistances(eqx.Module):
         x, y = jnp.where(seen, x, 0.0), jnp.where(seen, y, 0.0)
         return seen, jnp.clip(x, 0.0, columns - 1.001), jnp.clip(y, 0.0, rows - 1.001)
 
+    @property
+    def _shape(self) -> Int[Array, "2"]:
+        return jnp.asarray(self.shape)
+
     def _places(self, row: Int[Array, "cams points"], column: Int[Array, "cams points"]) -> Int[Array, "cams points"]:
         """Flat indices into all values, of cells of each view."""
-        rows, columns = self.values.shape[-2:]
         view = jnp.arange(len(row), dtype=jnp.int32)[:, None]
-        view = (view if self.frame is None else self.frame * len(row) + view) * (rows * columns)
-        return view + row * columns + column
+        view = (view if self.frame is None else self.frame * len(row) + view) * self.values.shape[-1]
+        return view + row * self._shape[1] + column
 
     def _value(self, place: Int[Array, "cams points"]) -> Float[Array, "cams points"]:
         """Distances (px) at flat indices."""
@@ -172,7 +179,7 @@ class SilhouetteDistances(eqx.Module):
         seen, x, y = self._cells(u, v)
         column, row = jnp.floor(x).astype(jnp.int32), jnp.floor(y).astype(jnp.int32)
         place, x, y, seen = self._once((self._places(row, column), x - column, y - row, seen))
-        below = self.values.shape[-1]
+        below = self._shape[1]
         a, b, c, d = (self._value(place + away) for away in (0, 1, below, below + 1))
         upper, lower = a * (1 - x) + b * x, c * (1 - x) + d * x
         slope = ((b - a) * (1 - y) + (d - c) * y) / self.step, (lower - upper) / self.step
@@ -196,21 +203,24 @@ def silhouette_distances(
     frames, views, height = silhouettes.shape[:3]
     width = 8 * silhouettes.shape[3]
     step = -(-max(height, width) // _MOST_CELLS)
-    shape = (frames, views, -(-height // step), -(-width // step))
-    values = aligned(shape)
+    shape = -(-height // step), -(-width // step)
+    values = aligned((frames, rig_size(views), _MOST_CELLS**2))
+    # A camera that sees nothing is nevertheless looked up in the first cell and its neighbours.
+    values[:, views:, : shape[1] + 2] = _LOST
+    images = values[..., : shape[0] * shape[1]].reshape(*values.shape[:2], *shape)
     for frame, packed in enumerate(silhouettes):
         for view, box in enumerate(person_boxes(packed)):
             right, low = cameras.size[view].tolist()
             rows, columns = -(-low // step), -(-right // step)
-            own = values[frame, view]
+            own = images[frame, view]
             own[:] = _LOST  # also beyond an image that is smaller than others
             if empty_views[frame, view]:
                 continue
             own[:rows, :columns] = _FARTHEST
             if box is not None:
                 _write_distances(own[:rows, :columns], packed[view, :low], box, right, step, _FARTHEST)
-    stacked = jax.tree.map(lambda a: np.broadcast_to(a, (frames, *a.shape)), cameras)
-    return SilhouetteDistances(values, np.full(frames, step, np.float32), stacked, np.full(frames, misses, np.int32))
+    one = np.array(shape, np.int32), np.float32(step), with_blind_cameras(cameras), np.int32(misses)
+    return SilhouetteDistances(values, *jax.tree.map(lambda a: np.broadcast_to(a, (frames, *np.shape(a))), one))
 
 
 def signed_distances(

@@ -39,6 +39,11 @@ def measured(
     return jax.tree.map(lambda a: jnp.asarray(a)[1], found)
 
 
+def images(found: SilhouetteDistances, cameras: int = 1) -> np.ndarray:
+    """The values that mean something."""
+    return np.asarray(found.values)[:cameras, : np.prod(found.shape)]
+
+
 def in_metres(found: SilhouetteDistances, points: np.ndarray) -> np.ndarray:
     return np.asarray(_at(found, jnp.asarray(points, jnp.float32)))
 
@@ -135,7 +140,7 @@ def test_large_images_are_measured_in_cells_of_several_pixels(width, height, ste
     found = measured([left_of(edge, width, height)], standing((width, height)))
     assert float(found.step) == step
     # The array's rows are of whole bytes.
-    assert found.values.shape == (1, -(-height // step), -(-8 * -(-width // 8) // step))
+    assert np.asarray(found.shape).tolist() == [-(-height // step), -(-8 * -(-width // 8) // step)]
     # Within the cell that the outline goes through, and beyond it in steps of a whole cell.
     np.testing.assert_allclose(at_pixels(found, 0, [(edge - 0.5, 20)]), 0.0, atol=0.1 * step)
     far = step * np.array([-5.0, -2.0, 2.0, 5.0])
@@ -159,16 +164,33 @@ def test_images_of_different_sizes_share_a_rig():
     assert (at_pixels(found, 0, [(45, 10), (10, 40), (60, 45)]) * 2 / FOCAL < -1).all()
 
 
+@pytest.mark.parametrize("count", [3, 5, 9])
+def test_blind_cameras_fill_up_the_rig_and_tell_nothing(count):
+    sizes = [(40 + 8 * view, 30) for view in range(count)]
+    found = measured([disc(*size, (20, 15), 6.3) for size in sizes], standing(*sizes))
+    assert len(found.cameras) in (4, 8, 16)
+    places = np.column_stack([np.random.default_rng(0).uniform(-0.1, 0.1, (50, 2)), np.full(50, 2.0)])
+    places = jnp.asarray(places, jnp.float32)
+    seen, distances = found.seen_at(places)
+    assert np.asarray(seen).any(1)[:count].all()
+    assert not np.asarray(seen)[count:].any()
+    np.testing.assert_array_equal(distances[count:], -1.0)
+    np.testing.assert_array_equal(found.empty_views, np.arange(len(found.cameras)) >= count)
+    for axis in jax.tree.leaves(found.with_gradient(places)[1]):
+        assert np.isfinite(axis).all()
+        np.testing.assert_array_equal(axis[count:], 0.0)
+
+
 def test_far_away_distances_stay_at_forty_pixels():
     found = measured([disc(300, 200, (30, 24), 12.3)], standing((300, 200)))
-    assert float(found.values.max()) == 40.0
+    assert images(found).max() == 40.0
     np.testing.assert_allclose(at_pixels(found, 0, [(250, 150), (110, 24)]), 40.0, rtol=1e-5)
 
 
 def test_an_image_full_of_person_has_no_outline():
     found = measured([np.ones((48, 64), bool)], standing((64, 48)))
-    assert np.isfinite(found.values).all()
-    assert float(found.values.max()) < -64
+    assert np.isfinite(images(found)).all()
+    assert images(found).max() < -64
 
 
 # Other ways to look them up

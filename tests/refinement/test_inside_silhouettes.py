@@ -36,8 +36,9 @@ def sloping(offsets: list[float], slopes: list[float], misses: int = 0) -> Obser
     )
     pixels = np.arange(101) - 50.0
     rows = 50 * np.array(offsets)[:, None] + np.array(slopes)[:, None] * pixels
-    values = np.repeat(rows[:, None], 101, 1).astype(np.float32)
-    return observed(SilhouetteDistances(values, np.array(1, np.float32), cameras, np.array(misses, np.int32)))
+    values = np.tile(rows, 101).astype(np.float32)
+    shape, step = np.array([101, 101], np.int32), np.array(1, np.float32)
+    return observed(SilhouetteDistances(values, shape, step, cameras, np.array(misses, np.int32)))
 
 
 @eqx.filter_jit
