@@ -19,8 +19,7 @@ def limbs_ahead(threads: Executor, model: Model, search: Search, stack: Observed
     """Begin to compile the proposals of limbs of `solve_frames`, in the order in which it asks for them."""
     poses, frames = any_poses(LIMBS_AT_ONCE), np.zeros(LIMBS_AT_ONCE, np.int32)
     with_pairs.ahead(threads, model, poses, frames, stack, ARMS, search.pairs)
-    for limb in ARMS:
-        with_single.ahead(threads, model, poses, frames, stack, limb, search.singles)
+    with_single.ahead(threads, model, poses, frames, stack, model.limbs[ARMS[0]], search.singles)
 
 
 def any_poses(count: int) -> Pose:

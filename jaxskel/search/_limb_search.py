@@ -21,6 +21,7 @@ from ..body import (
     SEGMENT_NAMES,
     Body,
     Pose,
+    Skeleton,
     capsule_ends,
     limb_capsules,
     nearest_capsule,
@@ -28,7 +29,7 @@ from ..body import (
 )
 from ..outlines import Contours
 from ..refinement.terms import AbstractTerm, ArmCollision, ContourContact, InsideSilhouettes, Objective, Observed, place
-from ._limb_tables import LimbTable
+from ._limb_tables import LimbTable, arm_table, leg_table
 
 _Term = TypeVar("_Term", bound=AbstractTerm)
 
@@ -46,15 +47,17 @@ _SAMPLES = 3.0
 
 
 class Limb(eqx.Module):
-    """A limb and its table of poses. The name is static; the table is data."""
+    """A limb and its table of poses. What differs between left and right is data, so that one program serves both."""
 
-    name: str = eqx.field(static=True)
+    kind: str = eqx.field(static=True)
+    """``arm`` or ``leg``."""
     table: LimbTable
-
-    @property
-    def kind(self) -> str:
-        """``arm`` or ``leg``."""
-        return self.name[2:]
+    segments: Int[Array | np.ndarray, "parts=4"]
+    """Chest or pelvis, upper bone, lower bone, hand or foot."""
+    balls: Int[Array | np.ndarray, "points=5"]
+    """From shoulder or hip to palm or ball of the foot."""
+    others: Int[Array | np.ndarray, " capsules"]
+    """Capsules of the rest of the body."""
 
 
 class Scored(eqx.Module):
@@ -80,10 +83,29 @@ _BALLS = {
 }
 
 
+def make_limb(skeleton: Skeleton, name: str) -> Limb:
+    """The limb with a name such as ``l_arm``."""
+    side, kind = name[:2], name[2:]
+    table = {"arm": arm_table, "leg": leg_table}[kind](skeleton, side[0])
+    first, *rest = _SEGMENTS[kind]
+    segments = [SEGMENT_NAMES.index(segment) for segment in (first, *(side + part for part in rest))]
+    balls = [BALL_NAMES.index(side + ball) for ball in _BALLS[kind]]
+    return Limb(kind, table, np.array(segments, np.int32), np.array(balls, np.int32), without(name))
+
+
+def without(*limbs: str) -> Int[np.ndarray, " capsules"]:
+    """Capsules of the body without some limbs."""
+    return np.flatnonzero(~limb_capsules(*limbs)).astype(np.int32)
+
+
 def unexplained(
-    body: Body, pose: Pose, objective: Objective, observed: Observed, limbs: tuple[str, ...]
+    body: Body,
+    pose: Pose,
+    objective: Objective,
+    observed: Observed,
+    capsules: Int[Array | np.ndarray, " capsules"],
 ) -> tuple[Contours, Float[Array, " rays"]]:
-    """The outline rays that the body without some limbs leaves unexplained, and the cost of each.
+    """The outline rays that some capsules of the body leave unexplained, and the cost of each.
 
     Their number is fixed; it is filled up with explained rays of zero cost.
     """
@@ -91,7 +113,7 @@ def unexplained(
     assert observed.contours is not None
     centres, directions = jnp.asarray(observed.contours.centres), jnp.asarray(observed.contours.directions)
     placed = place(body.skeleton, pose)
-    ends, radii = _capsules(body, capsule_ends(body, placed.origins, placed.rotations), ~limb_capsules(*limbs))
+    ends, radii = _capsules(body, capsule_ends(body, placed.origins, placed.rotations), capsules)
     distance, chosen = jax.lax.top_k(nearest_to_rays(centres, directions, ends, radii).distance, _RAYS)
     each = contact.weight / len(centres) * jnp.minimum(distance, contact.limit) ** 2
     return Contours(centres[chosen], directions[chosen]), jnp.where(distance > _EXPLAINED, each, 0.0)
@@ -113,7 +135,7 @@ def score_limb(
     assert observed.contours is not None
     assert silhouettes is not None
     placed = place(body.skeleton, pose)
-    parent, upper = (_segment(limb, part) for part in (0, 1))
+    parent, upper = limb.segments[0], limb.segments[1]
     origin, turned = placed.origins[upper], placed.rotations[parent]
     radii = _radii(body, limb)
     directions, uppers, lowers = (
@@ -132,9 +154,7 @@ def score_limb(
     uppers = uppers[directions[index]]
     cost = upper_cost + outside(lowers, radii[2:])
     if limb.kind == "arm":
-        ends, capsule_radii = _capsules(
-            body, capsule_ends(body, placed.origins, placed.rotations), ~limb_capsules("l_arm", "r_arm") & ~_GIRDLE
-        )
+        ends, capsule_radii = _capsules(body, capsule_ends(body, placed.origins, placed.rotations), _TRUNK_AND_LEGS)
         low = jnp.concatenate([uppers[:, 1:], lowers], 1).reshape(-1, 3)
         _, distance = nearest_capsule(low, ends, capsule_radii)
         depth = jnp.maximum(collision.share * radii[None, 1:] - distance.reshape(-1, 4), 0.0)
@@ -183,12 +203,13 @@ def best_single(scored: Scored, count: int) -> Int[Array, " count"]:
 
 def with_limb(pose: Pose, limb: Limb, index: Int[Array, ""]) -> Pose:
     """The pose with one limb replaced by a row of its table."""
-    parent, upper, lower, end = (_segment(limb, part) for part in range(4))
+    parent, upper, lower, end = jnp.asarray(limb.segments)
     rotations = jnp.asarray(pose.rotations)
     turned = rotations[parent]
-    new_lower = turned @ jnp.asarray(limb.table.lower)[index]
-    rotations = rotations.at[upper].set(turned @ jnp.asarray(limb.table.upper)[index])
-    return Pose(pose.root, rotations.at[lower].set(new_lower).at[end].set(new_lower))
+    new_upper, new_lower = (turned @ jnp.asarray(of)[index] for of in (limb.table.upper, limb.table.lower))
+    segment = jnp.arange(len(rotations), dtype=jnp.int32)[:, None, None]
+    rotations = jnp.where(segment == upper, new_upper[None], rotations)
+    return Pose(pose.root, jnp.where((segment == lower) | (segment == end), new_lower[None], rotations))
 
 
 def _near(scored: Scored) -> Bool[Array, "best best"]:
@@ -201,26 +222,23 @@ def _cheapest(cost: Float[Array, " n"], count: int) -> tuple[Float[Array, " coun
     return -value, index
 
 
-def _segment(limb: Limb, part: int) -> int:
-    name = _SEGMENTS[limb.kind][part]
-    return SEGMENT_NAMES.index(name if part == 0 else limb.name[:2] + name)
-
-
 def _radii(body: Body, limb: Limb) -> Float[Array, "points=5"]:
     """Radii (m) of the five points of a table: two on the upper bone, three on the lower one."""
-    balls = np.array([BALL_NAMES.index(limb.name[:2] + name) for name in _BALLS[limb.kind]], np.int32)
-    radii = jnp.asarray(body.radii)[balls]
+    radii = jnp.asarray(body.radii)[jnp.asarray(limb.balls)]
     return radii.at[0].set((radii[0] + radii[1]) / 2)
 
 
-# Capsules of the shoulder girdle, which may overlap the upper arm.
+# Capsules of the shoulder girdle may overlap the upper arm.
 _GIRDLE = np.array([any(BALL_NAMES[ball].endswith("girdle") for ball in pair) for pair in LINKS])
+_TRUNK_AND_LEGS = np.flatnonzero(~limb_capsules("l_arm", "r_arm") & ~_GIRDLE).astype(np.int32)
 
 
-def _capsules(body: Body, ends: Array | np.ndarray, chosen: Bool[np.ndarray, " capsules"]) -> tuple[Array, Array]:
+def _capsules(
+    body: Body, ends: Array | np.ndarray, chosen: Int[Array | np.ndarray, " capsules"]
+) -> tuple[Array, Array]:
     """Ends (m) and radii (m) of some of the body's capsules."""
-    index = np.flatnonzero(chosen).astype(np.int32)
-    return jnp.asarray(ends)[index], jnp.asarray(body.radii)[jnp.asarray(body.links)[index]]
+    chosen = jnp.asarray(chosen)
+    return jnp.asarray(ends)[chosen], jnp.asarray(body.radii)[jnp.asarray(body.links)[chosen]]
 
 
 def _term(objective: Objective, kind: type[_Term]) -> _Term:

@@ -18,8 +18,7 @@ from ..body import BALL_NAMES, LINKS, SEGMENT_NAMES, Body, Pose, Skeleton, limb_
 from ..refinement.terms import Objective, Observed, volume_objective
 from ._fit import Steps, finished, fit_scales, fitting, in_chunks
 from ._hypotheses import Hypotheses, Pool, pool_of, select_distinct
-from ._limb_search import Limb, best_pairs, best_single, score_limb, unexplained, with_limb
-from ._limb_tables import arm_table, leg_table
+from ._limb_search import Limb, Scored, best_pairs, best_single, make_limb, score_limb, unexplained, with_limb, without
 from ._start_poses import other_ways
 
 ARMS, _LEGS = ("l_arm", "r_arm"), ("l_leg", "r_leg")
@@ -114,8 +113,7 @@ def make_model(body: Body) -> Model:
     arms = limb_capsules("l_arm", "r_arm")
     balls = np.isin(np.arange(len(BALL_NAMES)), np.setdiff1d(LINKS[arms], LINKS[~arms]))
     armless = eqx.tree_at(lambda b: b.radii, body, np.where(balls, -9, body.radii))
-    limbs = {name: Limb(name, (arm_table if name in ARMS else leg_table)(body.skeleton, name[0])) for name in _LIMBS}
-    return Model(body, single_precision(armless), limbs)
+    return Model(body, single_precision(armless), {name: make_limb(body.skeleton, name) for name in _LIMBS})
 
 
 def solve_frames(
@@ -185,7 +183,7 @@ def _searched(model: Model, search: Search, starts: Pool, stack: Observed, wide:
         return found.joined(other).distinct(search.trunks * search.pairs)
 
     def single(limb: str, poses: Pose, at: Int[Array, " n"]) -> Pose:
-        return with_single(model, poses, at, stack, limb, search.singles)
+        return with_single(model, poses, at, stack, model.limbs[limb], search.singles)
 
     def settled(found: Pool) -> Steps[Pool]:
         """Fit the best pose of each frame further."""
@@ -254,11 +252,18 @@ def with_pairs(
 ) -> Pose:
     """Replace two limbs of each pose by their cheapest pairs of table poses (axes ``n count``)."""
     limbs = tuple(model.limbs[name] for name in names)
+    both, rest = jax.tree.map(lambda *each: jnp.stack(each), *limbs), without(*names)
 
     def one(pose: Pose, frame: Int[Array, ""]) -> Pose:
         some = stack.of(frame).thinned(_SOME)
-        points, costs = unexplained(model.body, pose, model.objective, some, names)
-        left, right = (score_limb(model.body, pose, model.objective, some, limb, points, costs) for limb in limbs)
+        points, costs = unexplained(model.body, pose, model.objective, some, rest)
+
+        # A loop over the limbs: they are compiled once.
+        def scored(limb: Limb) -> Scored:
+            return score_limb(model.body, pose, model.objective, some, limb, points, costs)
+
+        scores = jax.lax.map(scored, both)
+        left, right = (jax.tree.map(lambda a, i=i: a[i], scores) for i in (0, 1))
         first, second = best_pairs(left, right, count)
         return jax.vmap(lambda i, j: with_limb(with_limb(pose, limbs[0], i), limbs[1], j))(first, second)
 
@@ -267,13 +272,13 @@ def with_pairs(
 
 @quickly_compiled
 def with_single(
-    model: Model, poses: Pose, frames: Int[Array | np.ndarray, " n"], stack: Observed, name: str, count: int
+    model: Model, poses: Pose, frames: Int[Array | np.ndarray, " n"], stack: Observed, limb: Limb, count: int
 ) -> Pose:
     """Replace one limb of each pose by its cheapest table poses (axes ``n count``)."""
 
     def one(pose: Pose, frame: Int[Array, ""]) -> Pose:
-        limb, some = model.limbs[name], stack.of(frame).thinned(_SOME)
-        points, costs = unexplained(model.body, pose, model.objective, some, (name,))
+        some = stack.of(frame).thinned(_SOME)
+        points, costs = unexplained(model.body, pose, model.objective, some, limb.others)
         scored = score_limb(model.body, pose, model.objective, some, limb, points, costs)
         return jax.vmap(lambda index: with_limb(pose, limb, index))(best_single(scored, count))
 

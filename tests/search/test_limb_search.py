@@ -10,18 +10,14 @@ from jaxskel import default_adult, make_body
 from jaxskel.body import JOINT_NAMES, PIVOT_NAMES, SEGMENT_NAMES, capsule_ends, limb_capsules, nearest_to_rays
 from jaxskel.outlines import Contours
 from jaxskel.refinement.terms import Observed, place, volume_objective
-from jaxskel.search._limb_search import Limb, Scored, best_pairs, best_single, unexplained, with_limb
-from jaxskel.search._limb_tables import LimbTable, arm_table, leg_table
+from jaxskel.search._limb_search import Scored, best_pairs, best_single, make_limb, unexplained, with_limb, without
+from jaxskel.search._limb_tables import LimbTable
 
 ADULT = default_adult()
 REST: dict[str, np.ndarray] = dict(
     zip(JOINT_NAMES + PIVOT_NAMES, np.concatenate([ADULT.rest_joints, ADULT.pivots]), strict=True)
 )
-LIMBS = {
-    f"{side}_{kind}": Limb(f"{side}_{kind}", make(ADULT, side))
-    for side in "lr"
-    for kind, make in (("arm", arm_table), ("leg", leg_table))
-}
+LIMBS = {name: make_limb(ADULT, name) for name in ("l_arm", "l_leg", "r_arm", "r_leg")}
 # Where limbs start, bend, and end; a pivot lies between the last two.
 CHAINS = {"arm": ("shoulder", "elbow", "wrist", "hand"), "leg": ("hip", "knee", "ankle", "foot")}
 
@@ -162,7 +158,7 @@ def test_unexplained_rays_are_those_off_the_rest_of_the_body():
     rays = Contours(*given)
     observed = Observed(np.zeros((5, 9, 3)), np.ones(5, bool), np.zeros(3), np.zeros(3), contours=rays)
     objective = volume_objective(body)
-    found, costs = unexplained(body, pose, objective, observed, ("l_arm", "r_leg"))
+    found, costs = unexplained(body, pose, objective, observed, without("l_arm", "r_leg"))
 
     rest = ~limb_capsules("l_arm", "r_leg")
     capsules = ends[rest], np.asarray(body.radii, np.float32)[body.links][rest]

@@ -109,7 +109,7 @@ def test_limbs_that_are_freed_are_found_again(filmed, names):
     for name in names:
         wrong = jax.vmap(lambda pose, limb=model.limbs[name]: with_limb(pose, limb, jnp.asarray(0)))(wrong)
     given = model, wrong, jnp.arange(8), on_device(filmed.observed)
-    found = with_pairs(*given, names, 4) if len(names) == 2 else with_single(*given, names[0], 4)
+    found = with_pairs(*given, names, 4) if len(names) == 2 else with_single(*given, model.limbs[names[0]], 4)
     ends = {"arm": ("elbow", "hand"), "leg": ("knee", "foot")}
     at = [JOINT_NAMES.index(f"{name[:2]}{end}") for name in names for end in ends[name[2:]]]
     off = [farthest(joints_of(some(found, np.s_[:, i]))[:, at], filmed.joints[:, at]) for i in range(4)]
