@@ -1,11 +1,20 @@
 import gc
 import os
+import shutil
 import signal
+import tempfile
+import threading
 from pathlib import Path
 
 # At LLVM's first level of optimisation, tracing and compiling take a sixth less time than at the second, and programs
 # run as fast. JAX reads this when it makes its backend; processes that tests start inherit it.
 os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=1")
+# What one process compiles, the others load. The first process makes the folder, and those that it starts inherit it.
+OWN_FOLDER = None if "JAX_COMPILATION_CACHE_DIR" in os.environ else tempfile.mkdtemp(prefix="jaxskel-tests-")
+if OWN_FOLDER is not None:
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = OWN_FOLDER
+    os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "1"
+    os.environ["JAX_COMPILATION_CACHE_MAX_SIZE"] = str(10**10)  # given a size, JAX locks the folder
 
 import jax
 import pytest
@@ -15,6 +24,12 @@ from jaxskel._runtime.compile_cache import CachedJit
 # A shell that starts a job in the background lets it ignore interrupts, and all that the job starts.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_unconfigure() -> None:
+    """Remove the folder that this process made for compiled programs."""
+    if OWN_FOLDER is not None:
+        shutil.rmtree(OWN_FOLDER, ignore_errors=True)
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -34,6 +49,15 @@ def compiled_only_to_run_once(request: pytest.FixtureRequest):
     jax.config.update("jax_disable_most_optimizations", hardly)
     yield
     jax.config.update("jax_disable_most_optimizations", False)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def nothing_is_compiled_in_the_background_of_other_tests():
+    """Programs that were begun ahead may not be needed any more when the tests that began them are over."""
+    yield
+    for thread in threading.enumerate():
+        if thread.name.startswith("ThreadPoolExecutor"):
+            thread.join()
 
 
 # Linux allows a process 65530 mappings. The difference is reserved for the tests of one more file.

@@ -131,7 +131,7 @@ def scattered():
         observed = doubled(looked_at(near - 4 * directions, directions))
         term, skeleton = doubled((ContourContact(body=body), ADULT))
         fixed = correspond(term, placed_at(skeleton, base), observed)
-        yield term, skeleton, base, observed, fixed
+        return term, skeleton, base, observed, fixed
 
 
 def test_squared_norm_is_the_weighted_mean_and_stays_so_to_first_order(scattered):

@@ -42,7 +42,7 @@ def problem():
             found = refine_frame(objective, BONES, solver, skeleton, start, observed, rounds=3, max_steps=400)
             return (found.joints * along).sum(), found.converged
 
-        yield number, (objective, observed, doubled(ADULT))
+        return number, (objective, observed, doubled(ADULT))
 
 
 def test_the_solve_converges_to_rounding(problem):

@@ -159,7 +159,7 @@ def filmed():
         masks = film(cameras, [np.vstack(limbs)])
         found = silhouette_distances(masks, cameras, np.zeros((1, 4), bool), 1)
         seen = observed(jax.tree.map(lambda a: a[0], found))
-        yield jax.tree.map(
+        return jax.tree.map(
             lambda a: jnp.asarray(a) if np.asarray(a).dtype.kind in "bi" else jnp.asarray(a, jnp.float64),
             (InsideSilhouettes(body=make_body(ADULT)), ADULT, pose_of(2, 0.3), seen),
         )
