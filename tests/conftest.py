@@ -9,12 +9,6 @@ from pathlib import Path
 # At LLVM's first level of optimisation, tracing and compiling take a sixth less time than at the second, and programs
 # run as fast. JAX reads this when it makes its backend; processes that tests start inherit it.
 os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=1")
-# What one process compiles, the others load. The first process makes the folder, and those that it starts inherit it.
-OWN_FOLDER = None if "JAX_COMPILATION_CACHE_DIR" in os.environ else tempfile.mkdtemp(prefix="jaxskel-tests-")
-if OWN_FOLDER is not None:
-    os.environ["JAX_COMPILATION_CACHE_DIR"] = OWN_FOLDER
-    os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "1"
-    os.environ["JAX_COMPILATION_CACHE_MAX_SIZE"] = str(10**10)  # given a size, JAX locks the folder
 
 import jax
 import pytest
@@ -26,10 +20,25 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-def pytest_unconfigure() -> None:
-    """Remove the folder that this process made for compiled programs."""
-    if OWN_FOLDER is not None:
-        shutil.rmtree(OWN_FOLDER, ignore_errors=True)
+OWN_FOLDER = pytest.StashKey[str]()
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """What one process compiles, the others load: the first one makes a folder, and those that it starts inherit it."""
+    if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
+        config.stash[OWN_FOLDER] = tempfile.mkdtemp(prefix="jaxskel-tests-")
+        # Given a size, JAX locks the folder.
+        options = config.stash[OWN_FOLDER], 1.0, 10**10
+        names = "COMPILATION_CACHE_DIR", "PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "COMPILATION_CACHE_MAX_SIZE"
+        for name, option in zip(names, options, strict=True):
+            os.environ[f"JAX_{name}"] = str(option)
+            jax.config.update(f"jax_{name.lower()}", option)
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """Remove that folder."""
+    if OWN_FOLDER in config.stash:
+        shutil.rmtree(config.stash[OWN_FOLDER], ignore_errors=True)
 
 
 @pytest.fixture(autouse=True, scope="session")
