@@ -14,9 +14,22 @@ import typer
 from rich.console import Console
 from rich.progress import Progress, TextColumn
 
-from ..batch import Method
 from ..io.poses import JOURNAL_FILE, PosesJournal, read_poses, write_poses
-from ..live import VMC_PORT, Moment, OscSender, Playback, PoseServer, Sink, Tally, WallClock, play
+from ..io.recordings import has_cameras, read_recording, read_rig
+from ..io.subjects import read_body
+from ..live import (
+    VMC_PORT,
+    Captures,
+    Moment,
+    OscSender,
+    Playback,
+    PoseServer,
+    Sink,
+    Source,
+    Tally,
+    WallClock,
+    play,
+)
 from ..pipeline import HullSettings, Stream, warm_up
 from ..poses import STATUS_NAMES, Poses
 from ..recording import Recording
@@ -65,10 +78,15 @@ def live(
     target = None if osc is None else _host_and_port(osc)
     _check_new(output)
     check_output(output, [*POSES_FILES, JOURNAL_FILE], [*files_of(source), *([] if subject is None else [subject])])
-    method = Method(settings, None, subject)
-    frames = _playback(method.read(source), fps, loop, seconds)
-    settings, rig = method.settings_for_subject(), frames.rig
-    known = rig.skeleton if settings.body is None else settings.body
+    body = None if subject is None else read_body(subject)
+    if has_cameras(source):
+        if fps is not None or loop:
+            raise ValueError(f"{source}: is of cameras, which run as they do; leave out --fps and --loop")
+        frames: Source = Captures(read_rig(source), warn, seconds)
+    else:
+        frames = _playback(read_recording(source), fps, loop, seconds)
+    rig = frames.rig
+    known = rig.skeleton if body is None else body
     clock, tally = WallClock(), Tally(rig.fps)
     failed: Exception | None = None
     with ExitStack() as stack:

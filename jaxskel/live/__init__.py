@@ -5,6 +5,7 @@ show avatars.
 """
 
 from ._browser import PoseServer as PoseServer
+from ._captures import Captures as Captures
 from ._clock import Clock as Clock
 from ._clock import WallClock as WallClock
 from ._loop import Sink as Sink

@@ -103,16 +103,15 @@ class PoseServer:
             self._browsers += 1
             sent = self._count
         try:
-            while True:
+            while not self._ended:
                 with self._changed:
-                    self._changed.wait_for(lambda: self._ended or self._count > sent, _LOOK_UP)
-                    if self._ended:
-                        return
-                    new, message, sent = self._count > sent, self._message, self._count
+                    if self._count == sent:
+                        self._changed.wait(_LOOK_UP)
+                    message, new, sent = self._message, self._count > sent, self._count
                 if new:
                     connection.send(message)
                 else:
-                    connection.ping()
+                    connection.ping()  # fails if the browser is gone
         except self._closed_by_browser:
             pass
         finally:

@@ -34,9 +34,7 @@ class OscSender:
             from pythonosc.osc_message_builder import OscMessageBuilder
             from pythonosc.udp_client import UDPClient
         except ImportError as error:
-            raise ImportError(
-                'poses are sent by python-osc, which is missing: pip install "jaxskel[live]"'
-            ) from error
+            raise ImportError('poses are sent by python-osc, which is missing: pip install "jaxskel[live]"') from error
         self._bundle = lambda: OscBundleBuilder(IMMEDIATELY)
         self._message = OscMessageBuilder
         try:

@@ -1,0 +1,137 @@
+"""Frames of running cameras: the newest image of each, cut out of its background."""
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from threading import Condition
+from typing import cast
+
+import numpy as np
+from jaxtyping import UInt8
+
+from .._runtime.cores import usable_cores
+from ..io.files import fault
+from ..io.recordings import Rig
+from ..io.views import Camera, View
+from ._camera_reader import CameraReader, Image
+from ._clock import Clock
+from ._source import Taken
+
+# A camera without an image for this long (s) is a black view until it has one again.
+_SILENT = 1.0
+# Intervals between frames after which a frame is taken without the new images of some cameras: they keep their last.
+_LATE = 1.5
+_LOOK_UP = 0.02  # s, after which is looked whether a camera is late, or the session ended
+_TO_END = 1.0  # s for a camera to let go
+
+
+class Captures:
+    """Takes a frame whenever all cameras have a new image. A [`Source`][].
+
+    Cameras run freely; what they see at one time should be sent by them at one time. Images that come while a frame is
+    being worked on are dropped, but for the newest. A camera that gives no more images is a black view. The frames end
+    when no camera is left.
+
+    Args:
+        rig: The cameras, see [`read_rig`][jaxskel.io.recordings.read_rig]; they are closed at the end of the frames.
+        tell: Gets a line when a camera falls silent, comes back or ends.
+        seconds: Ends after this time, if given.
+
+    Raises:
+        ValueError: The images of a view do not fit its background.
+    """
+
+    def __init__(self, rig: Rig, tell: Callable[[str], None], seconds: float | None = None):
+        self.rig = rig.facts
+        self._views, self._tell = rig.views, tell
+        self._end = None if seconds is None else max(1, round(seconds * self.rig.fps))
+        for view in self._views:
+            image = view.frames.read(0)
+            if image is not None:
+                self._bits(view, image)
+
+    def frames(self, clock: Clock) -> Iterator[Taken]:
+        """The frames, as soon as they are there."""
+        arrived, start = Condition(), clock.now()
+        readers = [CameraReader(cast(Camera, view.frames), clock, arrived, start) for view in self._views]
+        before: list[Image | None] = [None] * len(readers)
+        number = -1
+        try:
+            with ThreadPoolExecutor(min(len(readers), usable_cores())) as pool:
+                while self._end is None or number + 1 < self._end:
+                    images = self._next_images(readers, before, clock, arrived, start)
+                    if images is None:
+                        return
+                    new = [
+                        (image, 0 if last is None else image.number - last.number)
+                        for image, last in zip(images, before, strict=True)
+                        if image is not None and image is not last
+                    ]
+                    # A frame is lost if all cameras have moved on by more than one image, not if one had a hiccup.
+                    number += max(1, min(step for _, step in new))
+                    self._tell_changes(before, images, readers)
+                    before = images
+                    yield Taken(number, min(image.time for image, _ in new), self._silhouettes(pool, images))
+        finally:
+            for reader in readers:
+                reader.close(_TO_END)
+
+    def _next_images(
+        self,
+        readers: Sequence[CameraReader],
+        before: Sequence[Image | None],
+        clock: Clock,
+        arrived: Condition,
+        start: float,
+    ) -> list[Image | None] | None:
+        """Wait until all cameras have a new image, but not long for a late one. None at the end.
+
+        A camera without images for long, or that has ended, has None; a late one has the image of before.
+        """
+        with arrived:
+            while not clock.stopped():
+                now = clock.now()
+                gone = [
+                    reader.ended and (reader.newest is None or reader.newest is last)
+                    or now - (start if reader.newest is None else reader.newest.time) > _SILENT
+                    for reader, last in zip(readers, before, strict=True)
+                ]  # fmt: skip
+                images = [None if away else reader.newest for away, reader in zip(gone, readers, strict=True)]
+                fresh = [i for i, last in zip(images, before, strict=True) if i is not None and i is not last]
+                if len(fresh) == gone.count(False) > 0:
+                    return images
+                all_began = all(away or image is not None for away, image in zip(gone, images, strict=True))
+                if fresh and all_began and now - min(image.time for image in fresh) > _LATE / self.rig.fps:
+                    return images
+                if all(reader.ended for reader in readers) and not fresh:
+                    return None
+                arrived.wait(_LOOK_UP)
+        return None
+
+    def _tell_changes(
+        self, before: Sequence[Image | None], images: Sequence[Image | None], readers: Sequence[CameraReader]
+    ) -> None:
+        for view, last, image, reader in zip(self._views, before, images, readers, strict=True):
+            if last is not None and image is None:
+                told = "gives no more images" if reader.ended else f"has given no image for {_SILENT:g} s"
+                self._tell(f"view {view.name}: the camera {told}; the view is black")
+            elif image is not None and last is None and image.number > 0:
+                self._tell(f"view {view.name}: the camera gives images again")
+
+    def _silhouettes(self, pool: ThreadPoolExecutor, images: Sequence[Image | None]) -> UInt8[np.ndarray, "cams h w8"]:
+        silhouettes = np.zeros(self.rig.silhouettes.shape[1:], np.uint8)
+
+        def fill(row: int) -> None:
+            image = images[row]
+            if image is not None:
+                bits = self._bits(self._views[row], image.pixels)
+                silhouettes[row, : bits.shape[0], : bits.shape[1]] = bits
+
+        list(pool.map(fill, range(len(images))))  # raises what one of them raises
+        return silhouettes
+
+    @staticmethod
+    def _bits(view: View, pixels: np.ndarray) -> UInt8[np.ndarray, "h w8"]:
+        try:
+            return np.packbits(view.matte.foreground(pixels), axis=-1)
+        except ValueError as error:
+            raise fault(view.frames.path, None, f"view {view.name}: {error}") from None
