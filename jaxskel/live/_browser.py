@@ -4,6 +4,8 @@ The server listens on the loopback interface only. Other sites in the same brows
 has another origin, and one whose name was made to lead here has another host. Both are refused.
 """
 
+import socket
+from contextlib import suppress
 from threading import Condition, Thread
 from types import TracebackType
 from typing import Any
@@ -15,6 +17,7 @@ from ._tally import Moment
 
 _LOOPBACK = "127.0.0.1"
 _MOST_BYTES = 1000  # of a message from a browser, which has nothing to say
+_TO_END = 1.0  # s in which a browser may say that it is gone
 _LOOK_UP = 0.5  # s, after which a browser that waits for a frame is looked after
 
 
@@ -40,11 +43,13 @@ class PoseServer:
             ) from error
         self._closed_by_browser = ConnectionClosed
         self._changed = Condition()
-        self._message, self._count, self._browsers, self._ended = "", 0, 0, False
+        self._message, self._count, self._ended = "", 0, False
+        self._browsers: set[Any] = set()
         try:
             self._server = serve(
-                self._send_on, _LOOPBACK, port, process_request=self._answer, compression=None, max_size=_MOST_BYTES
-            )
+                self._send_on, _LOOPBACK, port, process_request=self._answer, compression=None, max_size=_MOST_BYTES,
+                close_timeout=_TO_END,
+            )  # fmt: skip
         except OSError as error:
             raise ValueError(f"port {port}: cannot be listened on ({error.strerror}); give another one") from None
         port = self._server.socket.getsockname()[1]
@@ -69,6 +74,10 @@ class PoseServer:
         with self._changed:
             self._ended = True
             self._changed.notify_all()
+            self._changed.wait_for(lambda: not self._browsers, _TO_END)
+            for connection in self._browsers:  # of browsers that do not even read
+                with suppress(OSError):
+                    connection.socket.shutdown(socket.SHUT_RDWR)
         self._server.shutdown()
         self._thread.join()
 
@@ -92,15 +101,14 @@ class PoseServer:
         if request.path != "/":
             return connection.respond(404, "There is nothing here.\n")
         response = connection.respond(200, self._page.html)
-        for key, value in (("Content-Type", "text/html; charset=utf-8"), ("Cache-Control", "no-store")):
-            del response.headers[key]
-            response.headers[key] = value
+        del response.headers["Content-Type"]
+        response.headers.update({"Content-Type": "text/html; charset=utf-8", "Cache-Control": "no-store"})
         return response
 
     def _send_on(self, connection: Any) -> None:
         """Send each frame, or the newest one where a browser is too slow for all, until either side ends."""
         with self._changed:
-            self._browsers += 1
+            self._browsers.add(connection)
             sent = self._count
         try:
             while not self._ended:
@@ -112,8 +120,9 @@ class PoseServer:
                     connection.send(message)
                 else:
                     connection.ping()  # fails if the browser is gone
-        except self._closed_by_browser:
+        except (self._closed_by_browser, OSError):
             pass
         finally:
             with self._changed:
-                self._browsers -= 1
+                self._browsers.discard(connection)
+                self._changed.notify_all()

@@ -24,7 +24,7 @@ _RECORD = np.dtype(
     [
         ("frame_index", "<i8"), ("status", "<i8"), ("side_confidence", "<f4"), ("confidence", "<f4", (15,)),
         ("joints", "<f4", (15, 3)), ("tips", "<f4", (5, 3)), ("rotations", "<f4", (17, 3, 3)),
-        ("sigma", "<f4", (15, 3, 3)), ("rest_joints", "<f4", (15, 3)), ("rest_tips", "<f4", (5, 3)),
+        ("sigma", "<f4", (15, 3, 3)), ("rest_joints", "<f8", (15, 3)), ("rest_tips", "<f8", (5, 3)),
         ("stature_sigma", "<f4"),
     ]
 )  # fmt: skip
@@ -126,7 +126,7 @@ def journal_arrays(path: Path) -> dict[str, Any]:
     if "rotations" in arrays:
         arrays |= {key: last[key] for key in ("rest_joints", "rest_tips")}
     if math.isfinite(last["stature_sigma"]):
-        arrays["stature_sigma"] = last["stature_sigma"]
+        arrays["stature_sigma"] = np.array(last["stature_sigma"])
     return arrays
 
 

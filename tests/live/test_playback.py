@@ -1,0 +1,86 @@
+"""A played recording keeps to its clock: late frames are dropped and counted, and nothing else is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.live_sessions import JumpingClock, StubStream, numbered
+
+from jaxskel.live import Playback, Tally, play
+
+
+def played(source: Playback, clock: JumpingClock, takes) -> tuple[list[int], list[int], Tally]:
+    """Numbers of the frames, what their images say, and the counts, where the n-th frame takes `takes(n)` seconds."""
+    numbers, shown, tally, stream = [], [], Tally(source.rig.fps), StubStream(None)
+
+    def reconstruct(silhouettes: np.ndarray):
+        shown.append(int(silhouettes[0, 0, 0]))
+        clock.time += takes(len(shown) - 1)
+        return stream.push(silhouettes)
+
+    play(source, reconstruct, [lambda poses, moment: numbers.append(int(poses.frame_index[0]))], clock, tally)
+    return numbers, shown, tally
+
+
+def test_every_frame_comes_at_its_time():
+    clock = JumpingClock()
+    numbers, shown, tally = played(Playback(numbered(20)), clock, lambda n: 0.03)
+    assert numbers == shown == list(range(20))
+    assert (tally.frames, tally.dropped) == (20, 0)
+    assert tally.latency(0.5) == tally.latency(1.0) == pytest.approx(0.03, abs=1e-3)
+    assert clock.time == pytest.approx(100.0 + 19 / 25 + 0.03)
+
+
+def test_a_slow_consumer_drops_frames_and_does_not_fall_behind():
+    numbers, shown, tally = played(Playback(numbered(100)), JumpingClock(), lambda n: 0.1)
+    assert numbers == shown == sorted(set(numbers))
+    assert numbers[-1] == 99
+    # A tenth of a second each: 4 s of 25 frames a second have room for 40, and a few wait for a moment.
+    assert 39 <= tally.frames <= 43
+    assert tally.dropped == 100 - tally.frames
+    assert tally.latency(0.99) < 0.1 + 0.1 + 0.041
+
+
+def test_a_single_slow_frame_is_caught_up_with():
+    numbers, _, tally = played(Playback(numbered(30)), JumpingClock(), lambda n: 0.12 if n == 10 else 0.02)
+    assert numbers == list(range(30))
+    assert tally.dropped == 0
+    numbers, _, tally = played(Playback(numbered(30)), JumpingClock(), lambda n: 0.4 if n == 10 else 0.02)
+    # Frame 10 is done at 0.8 s; frames due before 0.7 s have waited for too long.
+    assert numbers == [*range(11), *range(18, 30)]
+    assert tally.dropped == 7
+
+
+def test_a_loop_begins_again_and_ends_with_the_time():
+    numbers, shown, tally = played(Playback(numbered(4), loop=True, seconds=0.4), JumpingClock(), lambda n: 0.0)
+    assert numbers == list(range(10))
+    assert shown == [0, 1, 2, 3] * 2 + [0, 1]
+    numbers, _, _ = played(Playback(numbered(4), seconds=0.1), JumpingClock(), lambda n: 0.0)
+    assert numbers == [0, 1]
+
+
+def test_another_rate_is_kept_to():
+    source = Playback(numbered(10), fps=5.0)
+    clock = JumpingClock()
+    numbers, _, _ = played(source, clock, lambda n: 0.0)
+    assert (source.rig.fps, len(source.rig), numbers) == (5.0, 0, list(range(10)))
+    assert clock.time == pytest.approx(100.0 + 9 / 5)
+
+
+def test_a_stopped_clock_ends_it():
+    numbers, _, _ = played(Playback(numbered(4), loop=True), JumpingClock(stop_at=0.5), lambda n: 0.0)
+    assert numbers == list(range(13))
+
+
+def test_the_tally_counts_latencies_without_keeping_them():
+    tally = Tally(25.0)
+    for number in range(1000):
+        moment = tally.begin(number)
+        tally.end(0.04 * number, 0.04 * number + (0.3 if number % 100 == 0 else 0.02))
+    assert tally.latency(0.5) == pytest.approx(0.02, abs=1e-3)
+    assert tally.latency(0.999) == pytest.approx(0.3, abs=1e-3)
+    assert moment.fps == pytest.approx(25.0, rel=0.05)
+    assert moment.latency == pytest.approx(0.02)
+    assert np.isnan(Tally(25.0).latency(0.5))
+    assert str(tally) == "0 dropped (0.0%), latency 20 ms, in 99 % of the frames below 20 ms"
+    assert str(replace(moment, latency=0.0314)).endswith("latency 31 ms, 0 dropped")
