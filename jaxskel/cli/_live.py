@@ -46,6 +46,7 @@ _LONGEST = 1e6  # s
 _FASTEST = 1e4  # frames per second
 _PORTS = 65535
 _TELL_EVERY = 0.5  # s between two lines of progress
+_OTHER_RATE = 0.05  # share by which the frame rate may be another than the stated one
 _AT_ONCE = 32  # frames whose silhouettes are made at once
 
 
@@ -113,6 +114,8 @@ def live(
         except (ValueError, OSError) as error:  # what came before it is written all the same
             failed = error
     _write(output, tally)
+    if tally.rate is not None and abs(tally.rate / rig.fps - 1) > _OTHER_RATE:
+        warn(f"{source}: gave {tally.rate:.1f} frames per second, but fps is {rig.fps:g}: times are wrong; correct fps")
     if failed is not None:
         raise failed
     if clock.stopped():

@@ -53,23 +53,25 @@ class Captures:
         """The frames, as soon as they are there."""
         arrived, start = Condition(), clock.now()
         readers = [CameraReader(cast(Camera, view.frames), clock, arrived, start) for view in self._views]
-        before: list[Image | None] = [None] * len(readers)
+        used: list[Image | None] = [None] * len(readers)
+        black: list[bool] = [False] * len(readers)
         number = -1
         try:
             with ThreadPoolExecutor(min(len(readers), usable_cores())) as pool:
                 while self._end is None or number + 1 < self._end:
-                    images = self._next_images(readers, before, clock, arrived, start)
+                    images = self._next_images(readers, used, clock, arrived, start)
                     if images is None:
                         return
                     new = [
                         (image, 0 if last is None else image.number - last.number)
-                        for image, last in zip(images, before, strict=True)
+                        for image, last in zip(images, used, strict=True)
                         if image is not None and image is not last
                     ]
                     # A frame is lost if all cameras have moved on by more than one image, not if one had a hiccup.
                     number += max(1, min(step for _, step in new))
-                    self._tell_changes(before, images, readers)
-                    before = images
+                    self._tell_changes(black, images, readers)
+                    black = [image is None for image in images]
+                    used = [last if image is None else image for image, last in zip(images, used, strict=True)]
                     yield Taken(number, min(image.time for image, _ in new), self._silhouettes(pool, images))
         finally:
             for reader in readers:
@@ -78,14 +80,14 @@ class Captures:
     def _next_images(
         self,
         readers: Sequence[CameraReader],
-        before: Sequence[Image | None],
+        used: Sequence[Image | None],
         clock: Clock,
         arrived: Condition,
         start: float,
     ) -> list[Image | None] | None:
         """Wait until all cameras have a new image, but not long for a late one. None at the end.
 
-        A camera without images for long, or that has ended, has None; a late one has the image of before.
+        A camera without images for long, or that has ended, has None; a late one has its image of before.
         """
         with arrived:
             while not clock.stopped():
@@ -93,10 +95,10 @@ class Captures:
                 gone = [
                     reader.ended and (reader.newest is None or reader.newest is last)
                     or now - (start if reader.newest is None else reader.newest.time) > _SILENT
-                    for reader, last in zip(readers, before, strict=True)
+                    for reader, last in zip(readers, used, strict=True)
                 ]  # fmt: skip
                 images = [None if away else reader.newest for away, reader in zip(gone, readers, strict=True)]
-                fresh = [i for i, last in zip(images, before, strict=True) if i is not None and i is not last]
+                fresh = [i for i, last in zip(images, used, strict=True) if i is not None and i is not last]
                 if len(fresh) == gone.count(False) > 0:
                     return images
                 all_began = all(away or image is not None for away, image in zip(gone, images, strict=True))
@@ -108,13 +110,13 @@ class Captures:
         return None
 
     def _tell_changes(
-        self, before: Sequence[Image | None], images: Sequence[Image | None], readers: Sequence[CameraReader]
+        self, black: Sequence[bool], images: Sequence[Image | None], readers: Sequence[CameraReader]
     ) -> None:
-        for view, last, image, reader in zip(self._views, before, images, readers, strict=True):
-            if last is not None and image is None:
+        for view, was_black, image, reader in zip(self._views, black, images, readers, strict=True):
+            if image is None and not was_black:
                 told = "gives no more images" if reader.ended else f"has given no image for {_SILENT:g} s"
                 self._tell(f"view {view.name}: the camera {told}; the view is black")
-            elif image is not None and last is None and image.number > 0:
+            elif image is not None and was_black:
                 self._tell(f"view {view.name}: the camera gives images again")
 
     def _silhouettes(self, pool: ThreadPoolExecutor, images: Sequence[Image | None]) -> UInt8[np.ndarray, "cams h w8"]:

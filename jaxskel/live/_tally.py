@@ -7,6 +7,7 @@ import numpy as np
 
 # Latencies are counted in steps of this length (s), up to the longest one; longer ones count as that.
 _STEP, _LONGEST = 5e-4, 10.0
+_TO_MEASURE = 2.0  # s that a rate needs to be told
 _RECENT = 50  # frames over which the current rate and latency are told
 
 
@@ -40,6 +41,7 @@ class Tally:
         self._counts = np.zeros(round(_LONGEST / _STEP) + 1, np.int64)
         self._recent: deque[tuple[float, float]] = deque(maxlen=_RECENT)
         self._last = -1
+        self._span: tuple[float, float] | None = None  # when the first and the last frame were taken (s)
         self.frames = 0
         """Number of frames with a pose or a status."""
 
@@ -60,9 +62,16 @@ class Tally:
 
     def end(self, taken: float, now: float) -> None:
         """Count the latency of a frame that all have now."""
+        self._span = (taken if self._span is None else self._span[0], taken)
         latency = max(0.0, now - taken)
         self._counts[min(round(latency / _STEP), len(self._counts) - 1)] += 1
         self._recent.append((now, latency))
+
+    @property
+    def rate(self) -> float | None:
+        """Frames per second of the source, with the dropped ones; None as long as it cannot be told."""
+        passed = 0.0 if self._span is None else self._span[1] - self._span[0]
+        return self._last / passed if passed > _TO_MEASURE else None
 
     def latency(self, share: float) -> float:
         """The latency (s) that this share of the frames did not exceed; NaN without a frame."""

@@ -1,7 +1,6 @@
 """Programs with avatars get every pose, in the messages of the VMC protocol."""
 
 import sys
-import threading
 from collections.abc import Iterator
 
 import numpy as np
@@ -12,41 +11,14 @@ from support.poses import moving
 from jaxskel.live import BONE_NAMES, OscSender, Playback, Tally, bones_of, play
 
 pytest.importorskip("pythonosc", reason='needs python-osc: pip install "jaxskel[live]"')
-from pythonosc.dispatcher import Dispatcher  # noqa: E402
-from pythonosc.osc_server import BlockingOSCUDPServer  # noqa: E402
-
-
-class Receiver:
-    """A program with an avatar: it keeps all messages."""
-
-    def __init__(self):
-        self.messages: list[tuple] = []
-        dispatcher = Dispatcher()
-        dispatcher.set_default_handler(lambda address, *values: self.messages.append((address, *values)))
-        self.server = BlockingOSCUDPServer(("127.0.0.1", 0), dispatcher)
-        self.port = self.server.server_address[1]
-        self.thread = threading.Thread(target=self.server.serve_forever, kwargs={"poll_interval": 0.01})
-        self.thread.start()
-
-    def of(self, address: str) -> list[tuple]:
-        return [values for name, *values in self.messages if name == address]
-
-    def wait(self, times: int) -> None:
-        for _ in range(1000):
-            if len(self.of("/VMC/Ext/T")) >= times:
-                break
-            threading.Event().wait(0.01)
-        # Messages of a bundle come together.
-        threading.Event().wait(0.05)
+from support.avatar import Avatar  # noqa: E402
 
 
 @pytest.fixture
-def receiver() -> Iterator[Receiver]:
-    found = Receiver()
+def receiver() -> Iterator[Avatar]:
+    found = Avatar()
     yield found
-    found.server.shutdown()
-    found.thread.join()
-    found.server.server_close()
+    found.close()
 
 
 def test_a_frame_is_a_bundle_of_its_bones(receiver):
