@@ -62,7 +62,7 @@ def live(
     loop: Annotated[bool, typer.Option("--loop", help="Play a recording again and again.")] = False,
     seconds: Annotated[float | None, typer.Option(help="End after this time (s).")] = None,
     port: Annotated[int, typer.Option(help="Port of the page that shows the skeleton; 0 for any free one.")] = 0,
-    page: Annotated[bool, typer.Option("--page/--no-page", help="Show the skeleton in a browser.")] = True,
+    no_page: Annotated[bool, typer.Option("--no-page", help="Do not show the skeleton in a browser.")] = False,
     osc: Annotated[
         str | None, typer.Option(metavar="HOST[:PORT]", help="Send poses to a program with an avatar, by VMC.")
     ] = None,
@@ -95,8 +95,8 @@ def live(
         try:
             if target is not None:
                 sinks.append(stack.enter_context(OscSender(*target)))
-            if page:
-                server = stack.enter_context(PoseServer(rig, port))
+            server = None if no_page else stack.enter_context(PoseServer(rig, port))
+            if server is not None:
                 sinks.append(server)
         except ImportError as error:
             raise ValueError(str(error)) from None
@@ -106,7 +106,7 @@ def live(
         journal = PosesJournal(output / JOURNAL_FILE, rig.fps, rig.up)
         stack.callback(journal.close)
         stack.enter_context(_stopped_by_signals(clock))
-        if page:
+        if server is not None:
             say(f"{server.address} shows the skeleton; Ctrl-C ends the session")
         sinks.append(stack.enter_context(_progress()))
         try:

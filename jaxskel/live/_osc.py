@@ -3,6 +3,8 @@
 import socket
 from types import TracebackType
 
+from ..body import Skeleton
+from ..io.poses import TPose, t_pose_of
 from ..poses import Poses
 from ._tally import Moment
 from ._vmc import BONE_NAMES, bones_of
@@ -32,23 +34,24 @@ class OscSender:
         try:
             from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
             from pythonosc.osc_message_builder import OscMessageBuilder
-            from pythonosc.udp_client import UDPClient
         except ImportError as error:
             raise ImportError('poses are sent by python-osc, which is missing: pip install "jaxskel[live]"') from error
         self._bundle = lambda: OscBundleBuilder(IMMEDIATELY)
         self._message = OscMessageBuilder
         try:
             # Once, because a name server must not be asked for each frame.
-            address = socket.getaddrinfo(host, port, socket.AF_INET, socket.SOCK_DGRAM)[0][4][0]
-            self._client = UDPClient(str(address), port)
+            self._address = socket.getaddrinfo(host, port, socket.AF_INET, socket.SOCK_DGRAM)[0][4]
         except OSError as error:
             raise ValueError(f"{host}:{port}: there is no such host ({error.strerror}); give HOST:PORT") from None
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self._template: tuple[Skeleton, TPose] | None = None
         self.lost = 0
         """Number of frames that the system could not send: the network is down, for instance."""
 
     def __call__(self, poses: Poses, moment: Moment) -> None:
         """Send one frame."""
-        bones = bones_of(poses)
+        bones = bones_of(poses, None if poses.skeleton is None else self._t_pose_of(poses.skeleton))
         bundle = self._bundle()
 
         def add(address: str, *values: str | int | float) -> None:
@@ -66,13 +69,18 @@ class OscSender:
             ):
                 add("/VMC/Ext/Bone/Pos", name, *position, *quaternion)
         try:
-            self._client.send(bundle.build())
+            self._socket.sendto(bundle.build().dgram, self._address)
         except OSError:
             self.lost += 1
 
+    def _t_pose_of(self, skeleton: Skeleton) -> TPose:
+        if self._template is None or self._template[0] is not skeleton:
+            self._template = skeleton, t_pose_of(skeleton)
+        return self._template[1]
+
     def close(self) -> None:
         """Close the socket."""
-        self._client.close()
+        self._socket.close()
 
     def __enter__(self) -> "OscSender":
         return self

@@ -16,7 +16,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from ..body import Pose
-from ..io.poses import RIG, rig_of, with_up
+from ..io.poses import RIG, TPose, rig_from, t_pose_of, with_up
 from ..poses import Poses
 
 _TO_UNITY = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
@@ -47,15 +47,18 @@ class Bones:
     """Rotation relative to the parent from the T-pose: x, y, z, w."""
 
 
-def bones_of(poses: Poses) -> Bones | None:
+def bones_of(poses: Poses, start: TPose | None = None) -> Bones | None:
     """The bones of the first frame; None if it has no pose or no rotations are known.
 
-    Lengths are those of the template `poses.skeleton`.
+    Args:
+        poses: One frame or more. Lengths are those of the template `poses.skeleton`.
+        start: The template's T-pose, if it has been made before.
     """
     if poses.rotations is None or poses.skeleton is None or not poses.has_pose[0]:
         return None
     standing = with_up(poses, "+Z")
-    rig = rig_of(poses.skeleton, Pose(standing.joints[:1, 0], standing.pose.rotations[:1]))
+    start = t_pose_of(poses.skeleton) if start is None else start
+    rig = rig_from(start, Pose(standing.joints[:1, 0], standing.pose.rotations[:1]))
     whole = _TO_UNITY @ rig.rotations[0, _ROWS] @ _TO_UNITY.T
     parents = list(BONE_PARENTS[1:])
     local = np.concatenate([whole[:1], whole[parents].swapaxes(-1, -2) @ whole[1:]])

@@ -182,7 +182,7 @@ def test_options_that_make_no_sense_are_named(scene, tmp_path, options, told):
 def test_a_missing_extra_is_named(scene, tmp_path, monkeypatch):
     for module, options in (
         ("websockets.sync.server", []),
-        ("pythonosc.udp_client", ["--no-page", "--osc", "localhost"]),
+        ("pythonosc.osc_bundle_builder", ["--no-page", "--osc", "localhost"]),
     ):
         monkeypatch.setitem(sys.modules, module, None)
         done = live(scene, "-o", "out", *options, cwd=tmp_path)

@@ -67,6 +67,6 @@ def test_a_host_that_is_not_there_is_named():
 
 
 def test_without_its_package_the_extra_is_named(monkeypatch):
-    monkeypatch.setitem(sys.modules, "pythonosc.udp_client", None)
+    monkeypatch.setitem(sys.modules, "pythonosc.osc_bundle_builder", None)
     with pytest.raises(ImportError, match=r'pip install "jaxskel\[live\]"'):
         OscSender("127.0.0.1", 39539)

@@ -9,8 +9,7 @@ from support.live_sessions import step_of
 from support.poses import moving, placed
 
 from jaxskel import JOINT_NAMES, Pose, Poses, default_adult
-from jaxskel.body import SEGMENT_NAMES
-from jaxskel.io.poses import RIG, rig_of, with_up
+from jaxskel.io.poses import t_pose_of, with_up
 from jaxskel.live import BONE_NAMES, BONE_PARENTS, Bones, bones_of
 
 ADULT = default_adult(1.8)
@@ -48,12 +47,8 @@ def unity_points(bones: Bones) -> np.ndarray:
 
 def t_pose(angle: float = 0.0) -> Pose:
     """The arms to the sides, facing x, then turned about z (rad)."""
-    rest = rig_of(ADULT, Pose(np.zeros((1, 3)), np.tile(np.eye(3), (1, 17, 1, 1)))).rotations[0]
-    # The template's own rest is turned away from the T-pose: undone, it is upright.
-    names = [segment for *_, segment in RIG]
-    upright = np.stack([rest[names.index(segment)].T if segment in names else np.eye(3) for segment in SEGMENT_NAMES])
     turn = Rotation.from_rotvec([0, 0, angle]).as_matrix()
-    return Pose(np.array([[0.5, 2.0, 1.0]]), (turn @ upright)[None])
+    return Pose(np.array([[0.5, 2.0, 1.0]]), (turn @ t_pose_of(ADULT).upright)[None])
 
 
 def test_a_t_pose_that_faces_ahead_has_no_rotation():

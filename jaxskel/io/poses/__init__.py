@@ -19,7 +19,10 @@ from ._poses_file import write_poses as write_poses
 from ._poses_file import write_table as write_table
 from ._rig import RIG as RIG
 from ._rig import Rig as Rig
+from ._rig import TPose as TPose
+from ._rig import rig_from as rig_from
 from ._rig import rig_of as rig_of
+from ._rig import t_pose_of as t_pose_of
 from ._trc import parse_trc as parse_trc
 from ._trc import read_trc as read_trc
 from ._trc import write_trc as write_trc
