@@ -13,6 +13,7 @@ from ._loop import play as play
 from ._osc import VMC_PORT as VMC_PORT
 from ._osc import OscSender as OscSender
 from ._playback import Playback as Playback
+from ._source import PATIENCE as PATIENCE
 from ._source import Source as Source
 from ._source import Taken as Taken
 from ._tally import Moment as Moment

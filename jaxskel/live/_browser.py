@@ -4,6 +4,7 @@ The server listens on the loopback interface only. Other sites in the same brows
 has another origin, and one whose name was made to lead here has another host. Both are refused.
 """
 
+import logging
 import socket
 from contextlib import suppress
 from threading import Condition, Thread
@@ -16,6 +17,8 @@ from ..visualization.report import live_page
 from ._tally import Moment
 
 _LOOPBACK = "127.0.0.1"
+# Whoever asks for something odd gets an answer, which is no matter for the terminal.
+_SILENT = logging.Logger(__name__, logging.CRITICAL + 1)
 _MOST_BYTES = 1000  # of a message from a browser, which has nothing to say
 _TO_END = 1.0  # s in which a browser may say that it is gone
 _LOOK_UP = 0.5  # s, after which a browser that waits for a frame is looked after
@@ -48,7 +51,7 @@ class PoseServer:
         try:
             self._server = serve(
                 self._send_on, _LOOPBACK, port, process_request=self._answer, compression=None, max_size=_MOST_BYTES,
-                close_timeout=_TO_END,
+                close_timeout=_TO_END, logger=_SILENT,
             )  # fmt: skip
         except OSError as error:
             raise ValueError(f"port {port}: cannot be listened on ({error.strerror}); give another one") from None

@@ -1,5 +1,7 @@
-"""Reads one camera in a thread, and keeps the newest image only."""
+"""Reads one camera in a thread, and keeps the last images only."""
 
+from collections import deque
+from contextlib import suppress
 from dataclasses import dataclass
 from threading import Condition, Thread
 
@@ -34,13 +36,16 @@ class CameraReader:
         clock: The session's clock.
         arrived: Notified of each image; its lock protects what is read here.
         start: When the first image of a file is due (s).
+        kept: Number of images that wait to be taken; older ones are dropped.
     """
 
-    def __init__(self, camera: Camera, clock: Clock, arrived: Condition, start: float):
+    def __init__(self, camera: Camera, clock: Clock, arrived: Condition, start: float, kept: int):
         self._camera, self._clock, self._arrived, self._start = camera, clock, arrived, start
         self._closing = False
-        self.newest: Image | None = None
-        """The newest image so far."""
+        self.waiting: deque[Image] = deque(maxlen=kept)
+        """Images that nobody has taken, the newest last."""
+        self.last_time = start
+        """When the last image came (s)."""
         self.ended = False
         """Whether no more images come."""
         self._thread = Thread(target=self._run, daemon=True)
@@ -55,7 +60,8 @@ class CameraReader:
         camera, number = self._camera, 0
         interval = 1.0 / (camera.fps or _USUAL)
         try:
-            camera.restart()
+            with suppress(ValueError):  # it is gone again
+                camera.restart()
             while not self._closing and not self._clock.stopped():
                 late = self._clock.now() - self._start - number * interval
                 if camera.is_file and late < 0:
@@ -67,7 +73,8 @@ class CameraReader:
                 pixels = None if skipped else camera.retrieve()
                 if pixels is not None:
                     with self._arrived:
-                        self.newest = Image(number, self._clock.now(), pixels)
+                        self.last_time = self._clock.now()
+                        self.waiting.append(Image(number, self.last_time, pixels))
                         self._arrived.notify_all()
                 number += 1
         finally:

@@ -1,5 +1,6 @@
-"""Frames of running cameras: the newest image of each, cut out of its background."""
+"""Frames of running cameras: what all see at one time, cut out of its background."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from threading import Condition
@@ -14,7 +15,7 @@ from ..io.recordings import Rig
 from ..io.views import Camera, View
 from ._camera_reader import CameraReader, Image
 from ._clock import Clock
-from ._source import Taken
+from ._source import PATIENCE, Taken
 
 # A camera without an image for this long (s) is a black view until it has one again.
 _SILENT = 1.0
@@ -28,8 +29,8 @@ class Captures:
     """Takes a frame whenever all cameras have a new image. A [`Source`][].
 
     Cameras run freely; what they see at one time should be sent by them at one time. Images that come while a frame is
-    being worked on are dropped, but for the newest. A camera that gives no more images is a black view. The frames end
-    when no camera is left.
+    being worked on wait for a moment, see [`PATIENCE`][]. A camera that gives no more images is a black view. The
+    frames end when no camera is left.
 
     Args:
         rig: The cameras, see [`read_rig`][jaxskel.io.recordings.read_rig]; they are closed at the end of the frames.
@@ -48,18 +49,20 @@ class Captures:
             image = view.frames.read(0)
             if image is not None:
                 self._bits(view, image)
+            # Until the session begins, programs may compile for minutes: no stream waits for that.
+            cast(Camera, view.frames).close()
 
     def frames(self, clock: Clock) -> Iterator[Taken]:
         """The frames, as soon as they are there."""
-        arrived, start = Condition(), clock.now()
-        readers = [CameraReader(cast(Camera, view.frames), clock, arrived, start) for view in self._views]
+        arrived, start, kept = Condition(), clock.now(), math.ceil(PATIENCE * self.rig.fps)
+        readers = [CameraReader(cast(Camera, view.frames), clock, arrived, start, kept) for view in self._views]
         used: list[Image | None] = [None] * len(readers)
         black: list[bool] = [False] * len(readers)
         number = -1
         try:
             with ThreadPoolExecutor(min(len(readers), usable_cores())) as pool:
                 while self._end is None or number + 1 < self._end:
-                    images = self._next_images(readers, used, clock, arrived, start)
+                    images = self._next_images(readers, used, clock, arrived)
                     if images is None:
                         return
                     new = [
@@ -78,12 +81,7 @@ class Captures:
                 reader.close(_TO_END)
 
     def _next_images(
-        self,
-        readers: Sequence[CameraReader],
-        used: Sequence[Image | None],
-        clock: Clock,
-        arrived: Condition,
-        start: float,
+        self, readers: Sequence[CameraReader], used: Sequence[Image | None], clock: Clock, arrived: Condition
     ) -> list[Image | None] | None:
         """Wait until all cameras have a new image, but not long for a late one. None at the end.
 
@@ -92,19 +90,23 @@ class Captures:
         with arrived:
             while not clock.stopped():
                 now = clock.now()
-                gone = [
-                    reader.ended and (reader.newest is None or reader.newest is last)
-                    or now - (start if reader.newest is None else reader.newest.time) > _SILENT
+                there = [reader for reader in readers if reader.waiting]
+                awaited = [
+                    (reader, last)
                     for reader, last in zip(readers, used, strict=True)
-                ]  # fmt: skip
-                images = [None if away else reader.newest for away, reader in zip(gone, readers, strict=True)]
-                fresh = [i for i, last in zip(images, used, strict=True) if i is not None and i is not last]
-                if len(fresh) == gone.count(False) > 0:
-                    return images
-                all_began = all(away or image is not None for away, image in zip(gone, images, strict=True))
-                if fresh and all_began and now - min(image.time for image in fresh) > _LATE / self.rig.fps:
-                    return images
-                if all(reader.ended for reader in readers) and not fresh:
+                    if not (reader.waiting or reader.ended or now - reader.last_time > _SILENT)
+                ]
+                if there:
+                    first = min(reader.waiting[0].time for reader in there)
+                    is_late = now - first > _LATE / self.rig.fps and all(last is not None for _, last in awaited)
+                    if not awaited or is_late:
+                        held = [reader for reader, _ in awaited]
+                        time = max(reader.waiting[0].time for reader in there)
+                        return [
+                            last if reader in held else _taken_at(time, reader)
+                            for reader, last in zip(readers, used, strict=True)
+                        ]
+                elif all(reader.ended for reader in readers):
                     return None
                 arrived.wait(_LOOK_UP)
         return None
@@ -137,3 +139,11 @@ class Captures:
             return np.packbits(view.matte.foreground(pixels), axis=-1)
         except ValueError as error:
             raise fault(view.frames.path, None, f"view {view.name}: {error}") from None
+
+
+def _taken_at(time: float, reader: CameraReader) -> Image | None:
+    """Take the image of a camera that is nearest to a time (s), and leave later ones; None if none waits."""
+    waiting = reader.waiting
+    while len(waiting) > 1 and abs(waiting[1].time - time) <= abs(waiting[0].time - time):
+        waiting.popleft()
+    return waiting.popleft() if waiting else None

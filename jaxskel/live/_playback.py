@@ -6,11 +6,7 @@ from dataclasses import replace
 
 from ..recording import Recording
 from ._clock import Clock
-from ._source import Taken
-
-# A frame that nobody asked for this long after its time (s) is dropped. Searches for the person take several frames
-# longer than following does, and are caught up with.
-_PATIENCE = 0.1
+from ._source import PATIENCE, Taken
 
 
 class Playback:
@@ -39,7 +35,7 @@ class Playback:
         while number < self._end:
             passed = clock.now() - start
             # The last frame comes, however late, so that the dropped ones before it can be counted.
-            number = min(max(number, math.ceil((passed - _PATIENCE) * self.rig.fps)), self._end - 1)
+            number = min(max(number, math.ceil((passed - PATIENCE) * self.rig.fps)), self._end - 1)
             clock.sleep(start + number / self.rig.fps - clock.now())
             if clock.stopped():
                 return

@@ -10,6 +10,11 @@ from jaxtyping import UInt8
 from ..recording import Recording
 from ._clock import Clock
 
+PATIENCE = 0.25
+"""How long a frame waits for whoever is late for it (s); then it is dropped. Following a person is faster than frames
+come, but searching takes as long as some frames: they must be caught up with, because who is followed with gaps is
+lost, and searched for again."""
+
 
 @dataclass(frozen=True)
 class Taken:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.live_sessions import JumpingClock, StubStream, numbered
 
-from jaxskel.live import Playback, Tally, play
+from jaxskel.live import PATIENCE, Playback, Tally, play
 
 
 def played(source: Playback, clock: JumpingClock, takes) -> tuple[list[int], list[int], Tally]:
@@ -36,17 +36,17 @@ def test_a_slow_consumer_drops_frames_and_does_not_fall_behind():
     assert numbers == shown == sorted(set(numbers))
     assert numbers[-1] == 99
     # A tenth of a second each: 4 s of 25 frames a second have room for 40, and a few wait for a moment.
-    assert 39 <= tally.frames <= 43
+    assert 39 <= tally.frames <= 45
     assert tally.dropped == 100 - tally.frames
-    assert tally.latency(0.99) < 0.1 + 0.1 + 0.041
+    assert tally.latency(0.99) < 0.1 + PATIENCE + 0.041
 
 
 def test_a_single_slow_frame_is_caught_up_with():
-    numbers, _, tally = played(Playback(numbered(30)), JumpingClock(), lambda n: 0.12 if n == 10 else 0.02)
+    numbers, _, tally = played(Playback(numbered(30)), JumpingClock(), lambda n: 0.28 if n == 10 else 0.02)
     assert numbers == list(range(30))
     assert tally.dropped == 0
-    numbers, _, tally = played(Playback(numbered(30)), JumpingClock(), lambda n: 0.4 if n == 10 else 0.02)
-    # Frame 10 is done at 0.8 s; frames due before 0.7 s have waited for too long.
+    numbers, _, tally = played(Playback(numbered(30)), JumpingClock(), lambda n: 0.55 if n == 10 else 0.02)
+    # Frame 10 is done at 0.95 s; frames due before 0.7 s have waited for too long.
     assert numbers == [*range(11), *range(18, 30)]
     assert tally.dropped == 7
 

@@ -15,7 +15,7 @@ CAMERAS = camera_ring(3, size=(64, 48))
 def mask_of(camera: int, frame: int) -> np.ndarray:
     """Where the block is."""
     mask = np.zeros((48, 64), bool)
-    mask[10:40, 4 + 2 * frame + camera : 16 + 2 * frame + camera] = True
+    mask[10:40, 4 + 2 * frame + camera : 14 + 2 * frame + camera] = True
     return mask
 
 

@@ -85,11 +85,14 @@ class Camera:
         return image if image is not None and image.shape[1::-1] == self.size else None
 
     def restart(self) -> None:
-        """Go back to the beginning of a file, of which images may have been read; a camera has none."""
+        """Open it again: a file begins anew, and what a camera has sent long ago is forgotten.
+
+        Raises:
+            ValueError: It cannot be opened any more.
+        """
         self._first = None
-        if self._file is not None:
-            self._capture.release()
-            self._capture = self._opened()
+        self._capture.release()
+        self._capture = self._opened()
 
     def close(self) -> None:
         """Let go of the camera."""
