@@ -13,9 +13,11 @@ from ._loop import play as play
 from ._osc import VMC_PORT as VMC_PORT
 from ._osc import OscSender as OscSender
 from ._playback import Playback as Playback
+from ._source import LONGEST as LONGEST
 from ._source import PATIENCE as PATIENCE
 from ._source import Source as Source
 from ._source import Taken as Taken
+from ._source import to_drop as to_drop
 from ._tally import Moment as Moment
 from ._tally import Tally as Tally
 from ._vmc import BONE_NAMES as BONE_NAMES

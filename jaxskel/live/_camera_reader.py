@@ -13,6 +13,8 @@ from ._clock import Clock
 
 # Rate of files that do not state one (frames per second).
 _USUAL = 25.0
+# Images of a camera that wait take no more memory: ten HD images.
+_MOST_BYTES = 64_000_000
 
 
 @dataclass(frozen=True)
@@ -36,13 +38,14 @@ class CameraReader:
         clock: The session's clock.
         arrived: Notified of each image; its lock protects what is read here.
         start: When the first image of a file is due (s).
-        kept: Number of images that wait to be taken; older ones are dropped.
+        most: Largest number of images that wait to be taken; older ones are dropped. Large images are fewer.
     """
 
-    def __init__(self, camera: Camera, clock: Clock, arrived: Condition, start: float, kept: int):
+    def __init__(self, camera: Camera, clock: Clock, arrived: Condition, start: float, most: int):
         self._camera, self._clock, self._arrived, self._start = camera, clock, arrived, start
         self._closing = False
-        self.waiting: deque[Image] = deque(maxlen=kept)
+        width, height = camera.size
+        self.waiting: deque[Image] = deque(maxlen=max(1, min(most, _MOST_BYTES // (3 * width * height))))
         """Images that nobody has taken, the newest last."""
         self.last_time = start
         """When the last image came (s)."""

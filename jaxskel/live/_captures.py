@@ -15,7 +15,7 @@ from ..io.recordings import Rig
 from ..io.views import Camera, View
 from ._camera_reader import CameraReader, Image
 from ._clock import Clock
-from ._source import PATIENCE, Taken
+from ._source import LONGEST, Taken, to_drop
 
 # A camera without an image for this long (s) is a black view until it has one again.
 _SILENT = 1.0
@@ -29,7 +29,7 @@ class Captures:
     """Takes a frame whenever all cameras have a new image. A [`Source`][].
 
     Cameras run freely; what they see at one time should be sent by them at one time. Images that come while a frame is
-    being worked on wait for a moment, see [`PATIENCE`][]. A camera that gives no more images is a black view. The
+    being worked on wait for a moment, see [`to_drop`][]. A camera that gives no more images is a black view. The
     frames end when no camera is left.
 
     Args:
@@ -54,8 +54,8 @@ class Captures:
 
     def frames(self, clock: Clock) -> Iterator[Taken]:
         """The frames, as soon as they are there."""
-        arrived, start, kept = Condition(), clock.now(), math.ceil(PATIENCE * self.rig.fps)
-        readers = [CameraReader(cast(Camera, view.frames), clock, arrived, start, kept) for view in self._views]
+        arrived, start, most = Condition(), clock.now(), math.ceil(LONGEST * self.rig.fps)
+        readers = [CameraReader(cast(Camera, view.frames), clock, arrived, start, most) for view in self._views]
         used: list[Image | None] = [None] * len(readers)
         black: list[bool] = [False] * len(readers)
         number = -1
@@ -102,8 +102,9 @@ class Captures:
                     if not awaited or is_late:
                         held = [reader for reader, _ in awaited]
                         time = max(reader.waiting[0].time for reader in there)
+                        dropped = to_drop(now - time, 1 / self.rig.fps)
                         return [
-                            last if reader in held else _taken_at(time, reader)
+                            last if reader in held else _taken_at(time, dropped, reader)
                             for reader, last in zip(readers, used, strict=True)
                         ]
                 elif all(reader.ended for reader in readers):
@@ -141,9 +142,11 @@ class Captures:
             raise fault(view.frames.path, None, f"view {view.name}: {error}") from None
 
 
-def _taken_at(time: float, reader: CameraReader) -> Image | None:
-    """Take the image of a camera that is nearest to a time (s), and leave later ones; None if none waits."""
+def _taken_at(time: float, dropped: int, reader: CameraReader) -> Image | None:
+    """Take the image of a camera that is nearest to a time (s), but for those to be dropped; None if none waits."""
     waiting = reader.waiting
     while len(waiting) > 1 and abs(waiting[1].time - time) <= abs(waiting[0].time - time):
+        waiting.popleft()
+    for _ in range(min(dropped, len(waiting) - 1)):
         waiting.popleft()
     return waiting.popleft() if waiting else None

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from ..recording import Recording
 from ._clock import Clock
-from ._source import PATIENCE, Taken
+from ._source import Taken, to_drop
 
 
 class Playback:
@@ -33,12 +33,11 @@ class Playback:
         """The frames, each at its time or a little later."""
         start, number = clock.now(), 0
         while number < self._end:
-            passed = clock.now() - start
+            late = clock.now() - start - number / self.rig.fps
             # The last frame comes, however late, so that the dropped ones before it can be counted.
-            number = min(max(number, math.ceil((passed - PATIENCE) * self.rig.fps)), self._end - 1)
+            number = int(min(number + to_drop(late, 1 / self.rig.fps), self._end - 1))
             clock.sleep(start + number / self.rig.fps - clock.now())
             if clock.stopped():
                 return
-            number = int(number)
             yield Taken(number, start + number / self.rig.fps, self._silhouettes[number % len(self._silhouettes)])
             number += 1

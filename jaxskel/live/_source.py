@@ -1,5 +1,6 @@
 """Where the frames of a live session come from."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -10,10 +11,26 @@ from jaxtyping import UInt8
 from ..recording import Recording
 from ._clock import Clock
 
-PATIENCE = 0.25
-"""How long a frame waits for whoever is late for it (s); then it is dropped. Following a person is faster than frames
-come, but searching takes as long as some frames: they must be caught up with, because who is followed with gaps is
-lost, and searched for again."""
+PATIENCE = 0.2
+"""How late a frame may be taken before others are dropped (s): as long as a search for the person takes, which is
+longer than frames are apart, while following is faster."""
+LONGEST = 0.5
+"""How late a frame may be at most (s)."""
+
+
+def to_drop(late: float, interval: float) -> int:
+    """Number of frames to drop for the next one, which would be late.
+
+    Every other frame is dropped until the rest is in time again: who is followed with larger gaps is lost, and has to
+    be searched for, which makes everything later still. Beyond `LONGEST` that would not help.
+
+    Args:
+        late: Time since the next frame was taken (s).
+        interval: Time between two frames (s).
+    """
+    if late > LONGEST:
+        return math.ceil((late - PATIENCE) / interval)
+    return int(late > PATIENCE)
 
 
 @dataclass(frozen=True)
