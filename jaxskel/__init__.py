@@ -13,6 +13,7 @@ from . import cameras as cameras
 from . import graph as graph
 from . import hull as hull
 from . import io as io
+from . import live as live
 from . import matching as matching
 from . import outlines as outlines
 from . import pipeline as pipeline

@@ -16,6 +16,7 @@ from ._demo import demo
 from ._evaluate import evaluate
 from ._export import export
 from ._init import init
+from ._live import live
 from ._refine_cameras import refine_cameras
 from ._report import report
 from ._run import run
@@ -32,6 +33,7 @@ app = typer.Typer(
 app.command()(demo)
 app.command()(init)
 app.command()(run)
+app.command()(live)
 app.command()(batch)
 app.command()(summary)
 app.command()(evaluate)

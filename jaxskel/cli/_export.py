@@ -1,11 +1,20 @@
-"""`jaxskel export`: writes poses in the formats of other programs."""
+"""`jaxskel export`: writes poses in the formats of other programs, and what a killed session left as `poses.npz`."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from ..io.poses import read_poses, with_up, write_bvh, write_c3d, write_table, write_trc, write_trc_deviations
+from ..io.poses import (
+    read_poses,
+    with_up,
+    write_archive,
+    write_bvh,
+    write_c3d,
+    write_table,
+    write_trc,
+    write_trc_deviations,
+)
 from ..poses import Poses
 from ..recording import UP_AXES
 from ._outputs import check_output_file
@@ -18,30 +27,33 @@ _KINDS = {
     ".c3d": "motion capture laboratories",
     ".bvh": "Blender and other animation programs",
     ".csv": "spreadsheets",
+    ".npz": "jaxskel",
 }
 # Names with this end are written with the standard deviations of the coordinates.
 _DEVIATIONS = ".sigma.trc"
 
 
 def export(
-    poses: Annotated[Path, typer.Argument(help="poses.npz as written by `jaxskel run`.")],
+    poses: Annotated[
+        Path, typer.Argument(help="poses.npz as written by `jaxskel run`, or poses.live of a session that was killed.")
+    ],
     outputs: Annotated[
         list[Path],
         typer.Argument(
-            metavar="OUTPUT...", help="Files to write; the suffix decides: .trc, .sigma.trc, .c3d, .bvh or .csv."
+            metavar="OUTPUT...", help="Files to write; the suffix decides: .trc, .sigma.trc, .c3d, .bvh, .csv or .npz."
         ),
     ],
     up: Annotated[
         str | None,
         typer.Option(
-            help="World axis that points up. Default: +Y in .trc and .bvh, +Z in .c3d, that of the poses in .csv."
+            help="World axis that points up. Default: +Y in .trc and .bvh, +Z in .c3d, else that of the poses."
         ),
     ] = None,
     millimetres: Annotated[
         bool, typer.Option("--millimetres", help="Millimetres instead of metres in a .trc, which names its unit.")
     ] = False,
 ) -> None:
-    """Write poses as TRC, C3D, BVH or CSV, for other programs to open."""
+    """Write poses as TRC, C3D, BVH, CSV or NPZ, for other programs to open."""
     for output in outputs:
         if output.suffix.lower() not in _KINDS:
             known = ", ".join(f"{suffix} ({opens})" for suffix, opens in _KINDS.items())
@@ -89,5 +101,8 @@ def _write(output: Path, poses: Poses, up: str | None, millimetres: bool) -> str
         away = f"joints within {1000 * made.deviation:.2f} mm of the poses (farthest: {made.farthest})"
         return f"cm, {up} up; {made.held} without a pose: another held; {away}"
     up = up or poses.up
+    if kind == ".npz":
+        write_archive(output, with_up(poses, up))
+        return f"m, {up} up; {gaps} without a pose: NaN"
     write_table(output, with_up(poses, up))
     return f"m, {up} up; {gaps} without a pose: empty cells"

@@ -90,8 +90,8 @@ def _timed(batches: Iterator[Poses], times: StageTimes) -> Iterator[Poses]:
         yield part
 
 
-def summary(poses: Poses, times: StageTimes) -> str:
-    """Frames, failures by kind, start-up time and frames per second, in one line."""
+def summary(poses: Poses, times: StageTimes | str) -> str:
+    """Frames, failures by kind, start-up time and frames per second or what else is to be told, in one line."""
     notes = [f"{count} {name}" for name, count in poses.counts().items() if name != "ok"]
     with_pose = int(poses.has_pose.sum())
     kinds = f" ({', '.join(notes)})" if notes else ""

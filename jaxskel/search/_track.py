@@ -225,7 +225,11 @@ def _onwards(last: Pose, before: Pose) -> Pose:
     # Products written out: faster for small matrices, see `_product` in `HingedLimbs`.
     turns = (rotations[:, :, None] * old[:, None]).sum(-1)
     turned = (turns[..., None] * rotations[:, None]).sum(-2)
-    return Pose(2 * jnp.asarray(last.root) - before.root, turned)
+    # Rounding errors of such products grow by half from frame to frame, until the matrices are no rotations any more.
+    # A step of Newton's iteration for the nearest rotation squares them.
+    gram = (turned[..., :, None] * turned[..., None, :]).sum(-3)
+    straight = 1.5 * turned - 0.5 * (turned[..., None] * gram[:, None]).sum(-2)
+    return Pose(2 * jnp.asarray(last.root) - before.root, straight)
 
 
 def _last_place(model: Model, track: Track) -> Float[np.ndarray, "joints=15 3"]:

@@ -15,6 +15,7 @@ from ...recording import Truth
 from ..calibrations import up_axis
 from ..files import fault, numbers, read_arrays
 from ..recordings import check_names, frame_numbers, frame_rate, truth
+from ._journal import JOURNAL_FILE, journal_arrays
 
 # What an older version did not write.
 _ROTATIONS = ("rotations", "rest_joints", "rest_tips")
@@ -34,7 +35,12 @@ def write_poses(folder: str | Path, poses: Poses) -> tuple[Path, Path]:
     Returns:
         The two paths.
     """
-    archive, table = Path(folder) / "poses.npz", Path(folder) / "poses.csv"
+    return write_archive(Path(folder) / "poses.npz", poses), write_table(Path(folder) / "poses.csv", poses)
+
+
+def write_archive(path: str | Path, poses: Poses) -> Path:
+    """Write the `poses.npz` of [`write_poses`][] alone, under any name; return its path."""
+    path = Path(path)
     arrays: dict[str, Any] = {
         "joints": np.asarray(poses.joints, np.float32), "tips": np.asarray(poses.tips, np.float32),
         "confidence": np.asarray(poses.confidence, np.float32),
@@ -52,9 +58,9 @@ def write_poses(folder: str | Path, poses: Poses) -> tuple[Path, Path]:
         arrays["sigma"] = np.asarray(poses.covariance, np.float32)
     if poses.stature_deviation is not None:
         arrays["stature_sigma"] = poses.stature_deviation
-    with written_whole(archive) as file:
+    with written_whole(path) as file:
         np.savez_compressed(file, **arrays)
-    return archive, write_table(table, poses)
+    return path
 
 
 def write_table(path: str | Path, poses: Poses) -> Path:
@@ -83,16 +89,13 @@ def write_table(path: str | Path, poses: Poses) -> Path:
 def read_poses(path: str | Path) -> Poses:
     """Read a `poses.npz` that [`write_poses`][] wrote. If an older version did, rotations and skeleton are None.
 
+    A `poses.live`, which `jaxskel live` leaves where it is killed, is read too.
+
     Raises:
         ValueError: One line that names the file, the key and how to mend it.
     """
     path = Path(path)
-    arrays = read_arrays(
-        path,
-        required=("joints", "tips", "confidence", "side_confidence", "status", "fps", "up", "frame_index"),
-        optional=("joint_names", "tip_names", "status_names", "segment_names", *_ROTATIONS, *_UNCERTAINTY),
-        most=max(2**28, _COMPRESSED * path.stat().st_size) if path.is_file() else 2**28,
-    )
+    arrays = journal_arrays(path) if path.suffix == Path(JOURNAL_FILE).suffix else _archived(path)
     for key, names in (
         ("joint_names", JOINT_NAMES),
         ("tip_names", TIP_NAMES),
@@ -126,6 +129,16 @@ def read_poses(path: str | Path) -> Poses:
         frame_index=frame_numbers(path, arrays, n),
         covariance=_covariance(path, arrays, status),
         stature_deviation=_stature_deviation(path, arrays),
+    )
+
+
+def _archived(path: Path) -> dict[str, np.ndarray]:
+    """The arrays of a `poses.npz`."""
+    return read_arrays(
+        path,
+        required=("joints", "tips", "confidence", "side_confidence", "status", "fps", "up", "frame_index"),
+        optional=("joint_names", "tip_names", "status_names", "segment_names", *_ROTATIONS, *_UNCERTAINTY),
+        most=max(2**28, _COMPRESSED * path.stat().st_size) if path.is_file() else 2**28,
     )
 
 

@@ -39,6 +39,7 @@ RIG = _TRUNK + tuple(
 ENDS = tuple(name for name, *_ in RIG if name not in {parent for _, parent, *_ in RIG})
 
 _FRONT, _LEFT, _UP = np.eye(3)
+_SEGMENTS = [SEGMENT_NAMES.index(segment) for *_, segment in RIG]
 _POINT_NAMES = JOINT_NAMES + TIP_NAMES + PIVOT_NAMES
 # A foot that reaches less far ahead at rest (m) has no direction.
 _AHEAD = 0.005
@@ -56,6 +57,16 @@ class Rig:
     """Rotation from rest to the world; end points have those of their parents."""
 
 
+@dataclass(frozen=True)
+class TPose:
+    """The template in a T-pose. It takes as long to make as some fifty poses of it."""
+
+    offsets: Float[np.ndarray, "joints 3"]
+    """Offset of each joint from its parent (m)."""
+    upright: Float[np.ndarray, "segments=17 3 3"]
+    """Rotation of each segment from the template's rest to the T-pose."""
+
+
 def rig_of(skeleton: Skeleton, pose: Pose) -> Rig:
     """The animation skeleton that moves as the template does: its points are where forward kinematics place them.
 
@@ -63,15 +74,24 @@ def rig_of(skeleton: Skeleton, pose: Pose) -> Rig:
         skeleton: The template (m).
         pose: Its poses, with the axis ``frames``, in a world with z up.
     """
+    return rig_from(t_pose_of(skeleton), pose)
+
+
+def rig_from(start: TPose, pose: Pose) -> Rig:
+    """The same as [`rig_of`][], from the template's T-pose."""
+    rotations = np.asarray(pose.rotations, np.float64) @ start.upright.swapaxes(-1, -2)
+    return Rig(start.offsets, np.asarray(pose.root, np.float64), rotations[:, _SEGMENTS])
+
+
+def t_pose_of(skeleton: Skeleton) -> TPose:
+    """The template (m), standing with its arms to the sides, facing x, with z up."""
     upright, rest = _to_t_pose(skeleton), _at_rest(skeleton)
-    segments = [SEGMENT_NAMES.index(segment) for *_, segment in RIG]
-    of = {name: (rest[point], segment) for (name, _, point, _), segment in zip(RIG, segments, strict=True)}
+    of = {name: (rest[point], segment) for (name, _, point, _), segment in zip(RIG, _SEGMENTS, strict=True)}
     offsets = [np.zeros(3)]
     for name, parent, *_ in RIG[1:]:
         start, carrier = of[parent]
         offsets.append(upright[carrier] @ (of[name][0] - start))
-    rotations = np.asarray(pose.rotations, np.float64) @ upright.swapaxes(-1, -2)
-    return Rig(np.stack(offsets), np.asarray(pose.root, np.float64), rotations[:, segments])
+    return TPose(np.stack(offsets), upright)
 
 
 def placed(rig: Rig) -> Float[np.ndarray, "frames joints 3"]:

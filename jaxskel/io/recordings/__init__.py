@@ -1,7 +1,7 @@
 """Recordings: the input of the whole pipeline.
 
 In: a folder with a `recording.toml`, or one sequence file that holds everything. Out: a `Recording` (cameras,
-silhouettes, frame rate, up axis), read lazily.
+silhouettes, frame rate, up axis), read lazily. A `recording.toml` may name running cameras instead: a `Rig`.
 """
 
 from ._changed_images import missing_sizes as missing_sizes
@@ -14,6 +14,9 @@ from ._folders import described_views as described_views
 from ._inputs import holds_silhouettes as holds_silhouettes
 from ._inputs import input_paths as input_paths
 from ._recordings import read_recording as read_recording
+from ._rig import Rig as Rig
+from ._rig import has_cameras as has_cameras
+from ._rig import read_rig as read_rig
 from ._sequence_file import IN_MEMORY as IN_MEMORY
 from ._sequence_file import check_names as check_names
 from ._sequence_file import frame_numbers as frame_numbers

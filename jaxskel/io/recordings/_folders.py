@@ -38,7 +38,7 @@ Every fault is a `ValueError` of one line that names the file, the key and how t
 """
 
 import reprlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -51,7 +51,7 @@ from ...segmentation import Cleaning
 from ..calibrations import contents_of, not_posed, validated
 from ..files import check_known, fault, read_toml
 from ..subjects import read_subject
-from ..views import View, ViewSilhouettes
+from ..views import Frames, View, ViewSilhouettes
 from ._changed_images import calibrated_size, missing_sizes, read_change
 from ._view_table import number, rate, read_view, text
 
@@ -77,19 +77,34 @@ def read_folder(folder: Path, in_memory: int) -> Recording:
     path = folder / RECORDING_FILE
     if not path.exists():
         raise fault(folder, None, f"holds no {RECORDING_FILE}; `jaxskel init {folder}` writes one")
-    table = read_toml(path, KEYS, "fps, calibration and views", 'calibration = "calibration.toml"')
+    table = read_table(path)
     return described_recording(path, table, described_views(path, table), in_memory)
 
 
-def described_views(path: Path, table: dict[str, Any]) -> list[View]:
+def read_table(path: Path) -> dict[str, Any]:
+    """The content of a `recording.toml`, with known keys only.
+
+    Raises:
+        ValueError: One line that names the file, and the key or line.
+    """
+    return read_toml(path, KEYS, "fps, calibration and views", 'calibration = "calibration.toml"')
+
+
+def described_views(
+    path: Path, table: dict[str, Any], open_images: Callable[[Path, str, Any], Frames] | None = None
+) -> list[View]:
     """The views that a `recording.toml` names; the file `path` itself need not exist yet.
+
+    `open_images` opens what the key `images` names; see `read_view`.
 
     Raises:
         ValueError: As `read_folder` raises it.
     """
     fps = rate(path, "fps", table.get("fps"), "frames per second")
     cleaning, shadows = _cleaning(path, table)
-    return [read_view(path, name, view, fps, cleaning, shadows) for name, view in _views(path, table).items()]
+    return [
+        read_view(path, name, view, fps, cleaning, shadows, open_images) for name, view in _views(path, table).items()
+    ]
 
 
 def described_recording(path: Path, table: dict[str, Any], views: list[View], in_memory: int) -> Recording:
@@ -98,7 +113,7 @@ def described_recording(path: Path, table: dict[str, Any], views: list[View], in
     Raises:
         ValueError: As `read_folder` raises it.
     """
-    cameras, up, turns = _calibrated(path, table, views)
+    rig = described_rig(path, table, views)
     first, last = described_span(path, table, views)
     if last - first >= _MOST_FRAMES:
         raise fault(
@@ -112,13 +127,24 @@ def described_recording(path: Path, table: dict[str, Any], views: list[View], in
         raise fault(
             path, "frames", f"their silhouettes do not fit on the disk ({error.strerror}); state fewer"
         ) from None
+    return replace(rig, silhouettes=silhouettes, frame_index=numbers)
+
+
+def described_rig(path: Path, table: dict[str, Any], views: list[View]) -> Recording:
+    """What is known without looking at the frames of these views: a recording without frames.
+
+    Raises:
+        ValueError: As `read_folder` raises it.
+    """
+    cameras, up, turns = _calibrated(path, table, views)
     subject = table.get("subject", SUBJECT_FILE if (path.parent / SUBJECT_FILE).is_file() else None)
+    width, height = cameras.size.max(0).tolist()
     return Recording(
         cameras=cameras,
-        silhouettes=silhouettes,
+        silhouettes=np.zeros((0, len(cameras), height, -(-width // 8)), np.uint8),
         fps=rate(path, "fps", table.get("fps"), "frames per second"),
         up=up,
-        frame_index=numbers,
+        frame_index=np.arange(0),
         skeleton=None if subject is None else read_subject(_beside(path, "subject", subject)),
         name=path.parent.resolve().name,
         turns=turns,

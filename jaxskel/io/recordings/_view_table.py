@@ -2,7 +2,7 @@
 
 import os
 import reprlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from ..views import (
     Video,
     View,
     in_colour,
+    is_camera,
     is_image,
     person_text,
     rule_for,
@@ -39,7 +40,15 @@ _SAMPLES = 50
 _MOST_VALUES = 1000
 
 
-def read_view(path: Path, name: str, table: Mapping[str, Any], fps: float, cleaning: Cleaning, shadows: bool) -> View:
+def read_view(
+    path: Path,
+    name: str,
+    table: Mapping[str, Any],
+    fps: float,
+    cleaning: Cleaning,
+    shadows: bool,
+    open_images: Callable[[Path, str, Any], Frames] | None = None,
+) -> View:
     """Make a view from its table.
 
     Args:
@@ -49,6 +58,7 @@ def read_view(path: Path, name: str, table: Mapping[str, Any], fps: float, clean
         fps: Frame rate of the recording (frames per second).
         cleaning: How silhouettes that are cut out here are cleaned.
         shadows: Whether shadows on a plate are background.
+        open_images: Opens what `images` names; by default `open_frames`.
 
     Raises:
         ValueError: One line that names the file, the key and how to mend it.
@@ -67,7 +77,7 @@ def read_view(path: Path, name: str, table: Mapping[str, Any], fps: float, clean
     else:
         if "person" in table:
             raise fault(path, f"{where}person", "belongs to masks; in images a background tells the person")
-        frames = open_frames(path, f"{where}images", table["images"])
+        frames = (open_images or open_frames)(path, f"{where}images", table["images"])
         if len(given) != 1:
             told = "comes without a background" if not given else f"comes with {' and '.join(given)}"
             raise fault(path, f"{where}images", f'{told}; give plate = "empty.avi", median = true or backdrop = true')
@@ -110,6 +120,8 @@ def _is_colour(value: Any) -> bool:
 
 def open_frames(path: Path, key: str, value: Any) -> Frames:
     """Open the images that a value names: a folder, a video, or ``archive.npz:key``."""
+    if is_camera(value):
+        raise fault(path, key, f"is {reprlib.repr(value)}, a camera, which only `jaxskel live` reads; name a file")
     place = place_of(path.parent, text(path, key, value))
     if _is_member(value):
         return MaskArchive(place, value.rpartition(":")[2])

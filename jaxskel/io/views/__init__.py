@@ -1,9 +1,11 @@
 """Views: one camera's images and the rule that makes silhouettes of them (silhouettes are the input of the paper).
 
-In: folders of images, videos, or arrays of masks. Out: a `View`, which gives the silhouette of each frame of the
-recording, and a `MaskRule`, which says which values of a mask are the person.
+In: folders of images, videos, arrays of masks, or cameras. Out: a `View`, which gives the silhouette of each frame of
+the recording, and a `MaskRule`, which says which values of a mask are the person.
 """
 
+from ._camera import Camera as Camera
+from ._camera import is_camera as is_camera
 from ._cut_out import CutOut as CutOut
 from ._cut_out import in_colour as in_colour
 from ._frames import Frames as Frames

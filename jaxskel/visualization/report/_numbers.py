@@ -38,30 +38,45 @@ def page_numbers(recording: Recording, poses: Poses, truth: Truth | None, overla
     # An outline is stored as its first point and the differences between consecutive points.
     first = np.cumsum(overlays.lengths) - overlays.lengths
     steps = np.delete(np.diff(overlays.points, axis=0, prepend=np.int16(0)), first, axis=0)
-    return {
-        "name": plain(recording.name), "frames": len(poses), "fps": poses.fps, "up": poses.up,
-        "frame_index": packed(poses.frame_index, "<f8"),
-        "joints": JOINT_NAMES, "tips": TIP_NAMES, "parents": (*JOINT_PARENTS, *TIP_PARENTS),
-        "statuses": STATUS_NAMES, "with_pose": [int(status) for status in WITH_POSE],
-        "origin": origin.tolist(), "step": step, "spread_step": _STEP, "unseen": UNSEEN,
-        "points": packed(_in_steps(shown, origin, step), "<i2"),
+    return scene_numbers(recording, origin, step) | pose_numbers(poses, origin, step) | {
+        "frames": len(poses), "fps": poses.fps, "frame_index": packed(poses.frame_index, "<f8"),
         "truth": None if true is None else packed(_in_steps(true, origin, step), "<i2"),
-        "confidence": packed(np.round(255 * poses.confidence), "u1"),
-        "spread": None if poses.covariance is None else packed(_spread(poses.covariance, turn), "<i2"),
         "side_confidence": packed(np.round(255 * poses.side_confidence), "u1"),
-        "status": packed(poses.status, "u1"),
         "views": [
             {"name": plain(name), "size": size.tolist(), "scale": UNITS * display_scale(size)}
             for name, size in zip(cameras.names, cameras.size, strict=True)
         ],
         "long_side": LONG_SIDE,
-        "cameras": (cameras.centres @ turn.T).round(4).tolist(),
-        "axes": (np.asarray(cameras.R) @ turn.T).round(5).tolist(),
         "stride": overlays.stride, "shown": len(overlays),
         "counts": packed(overlays.counts, "<u4"), "lengths": packed(overlays.lengths, "<u4"),
         "starts": packed(overlays.points[first], "<i2"), "steps": packed(steps, "i1"),
         "skeletons": packed(overlays.skeletons, "<i2"),
     }  # fmt: skip
+
+
+def scene_numbers(recording: Recording, origin: Float[np.ndarray, "3"], step: float) -> dict[str, Any]:
+    """What the scene shows whatever the poses are, and how points are stored: ``origin + step * number`` (m, z up)."""
+    turn, cameras = rotation_to_z_up(recording.up), recording.cameras
+    return {
+        "name": plain(recording.name), "up": recording.up,
+        "joints": JOINT_NAMES, "tips": TIP_NAMES, "parents": (*JOINT_PARENTS, *TIP_PARENTS),
+        "statuses": STATUS_NAMES, "with_pose": [int(status) for status in WITH_POSE],
+        "origin": origin.tolist(), "step": step, "spread_step": _STEP, "unseen": UNSEEN,
+        "cameras": (cameras.centres @ turn.T).round(4).tolist(),
+        "axes": (np.asarray(cameras.R) @ turn.T).round(5).tolist(),
+    }  # fmt: skip
+
+
+def pose_numbers(poses: Poses, origin: Float[np.ndarray, "3"], step: float) -> dict[str, Any]:
+    """Points, confidence, uncertainty and status of every frame."""
+    turn = rotation_to_z_up(poses.up)
+    shown = body_points(poses.joints, poses.tips) @ turn.T
+    return {
+        "points": packed(_in_steps(shown, origin, step), "<i2"),
+        "confidence": packed(np.round(255 * poses.confidence), "u1"),
+        "spread": None if poses.covariance is None else packed(_spread(poses.covariance, turn), "<i2"),
+        "status": packed(poses.status, "u1"),
+    }
 
 
 def body_points(

@@ -1,21 +1,15 @@
 """Writes the report as one HTML file of limited size: numbers, tables, scripts and style."""
 
-import base64
-import hashlib
-import json
 from collections.abc import Callable
-from html import escape
-from importlib.resources import files
 from pathlib import Path
-from string import Template
 from typing import Any
 
 import numpy as np
 
 from ..._runtime.atomic_files import written_whole
-from ..._runtime.plain_text import plain
 from ...poses import Poses, Score, score
 from ...recording import Recording, Truth, recording_rows
+from ._filled import filled
 from ._numbers import body_points, page_numbers
 from ._overlays import Overlays, make_overlays
 from ._tables import bone_lengths, facts, score_tables
@@ -24,7 +18,7 @@ LIMIT = 15_000_000
 """Largest size of a page (bytes), so that it can still be sent by mail."""
 
 # In order of their dependencies.
-_SCRIPTS = ("data.js", "orbit.js", "scene.js", "views.js", "charts.js", "player.js")
+_SCRIPTS = ("data.js", "orbit.js", "scene.js", "options.js", "views.js", "charts.js", "player.js")
 
 
 def write_report(
@@ -78,18 +72,8 @@ def write_report(
 
 
 def make_page(numbers: dict[str, Any], recording: Recording, poses: Poses, scored: Score | None) -> str:
-    """The page as text. Its security policy only allows its own script and style, by their hashes."""
-    parts = files("jaxskel.visualization.report")
-    script = "\n".join(parts.joinpath(name).read_text("utf-8") for name in _SCRIPTS)
-    style = parts.joinpath("style.css").read_text("utf-8")
-    # In JSON "<" only occurs in strings; once escaped, no name can close the script element.
-    data = json.dumps(numbers, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
-    return Template(parts.joinpath("page.html").read_text("utf-8")).substitute(
-        title=escape(plain(recording.name)), script=script, style=style, data=data,
-        script_hash=_hash(script), style_hash=_hash(style),
+    """The page as text."""
+    return filled(
+        "page.html", _SCRIPTS, recording.name, numbers,
         facts=facts(recording, poses), bones=bone_lengths(poses, recording.skeleton), score=score_tables(scored),
     )  # fmt: skip
-
-
-def _hash(text: str) -> str:
-    return "'sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode("ascii") + "'"

@@ -8,15 +8,23 @@ function decoded(text, Kind) {
   return new Kind(bytes.buffer);
 }
 
-const data = JSON.parse(document.getElementById("data").textContent);
-const POINTS = data.parents.length;
-for (const key of ["points", "truth", "spread", "starts", "skeletons"]) {
-  data[key] = data[key] === null ? null : decoded(data[key], Int16Array);
+const KINDS = {
+  points: Int16Array, truth: Int16Array, spread: Int16Array, starts: Int16Array, skeletons: Int16Array,
+  confidence: Uint8Array, side_confidence: Uint8Array, status: Uint8Array, steps: Int8Array,
+  counts: Uint32Array, lengths: Uint32Array, frame_index: Float64Array,
+};
+
+// The same numbers, with their arrays as arrays; null stays null.
+function unpacked(numbers) {
+  for (const [key, Kind] of Object.entries(KINDS)) {
+    if (typeof numbers[key] === "string") numbers[key] = decoded(numbers[key], Kind);
+  }
+  return numbers;
 }
-for (const key of ["confidence", "side_confidence", "status"]) data[key] = decoded(data[key], Uint8Array);
-data.steps = decoded(data.steps, Int8Array);
-for (const key of ["counts", "lengths"]) data[key] = decoded(data[key], Uint32Array);
-data.frame_index = decoded(data.frame_index, Float64Array);
+
+const byId = (id) => document.getElementById(id);
+const data = unpacked(JSON.parse(byId("data").textContent));
+const POINTS = data.parents.length;
 
 const COLOURS = ["left", "right", "middle", "true", "person", "panel", "line", "soft", "text", "joint", "shadow"];
 let colours = {};

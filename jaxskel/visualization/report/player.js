@@ -1,8 +1,6 @@
 "use strict";
 // One time for everything on the page: play, scrub, keys.
 
-const byId = (id) => document.getElementById(id);
-
 class Player {
   constructor() {
     readColours();
@@ -15,37 +13,16 @@ class Player {
     byId("scrub").addEventListener("input", () => this.go(Number(byId("scrub").value)));
     byId("play").addEventListener("click", () => this.toggle());
     byId("speed").addEventListener("change", () => this.begin());
-    this.optionsOfTheScene();
+    optionsOf(this.scene);
     document.addEventListener("keydown", (event) => this.key(event));
-    for (const query of ["(prefers-color-scheme: dark)", "print"]) {
-      matchMedia(query).addEventListener("change", () => this.restyle());
-    }
+    onRestyle(() => {
+      this.scene.draw(this.frame);
+      this.views.draw(this.frame);
+    });
     // "#35" at the end of the address opens the page at frame 35.
     const open = () => this.go(/^#\d+$/.test(location.hash) ? Number(location.hash.slice(1)) : Math.max(0, this.frame));
     addEventListener("hashchange", open);
     open();
-  }
-
-  optionsOfTheScene() {
-    const boxes = { "show-truth": "truth", "show-spread": "spread", "show-cameras": "cameras", follow: "follow" };
-    for (const [id, option] of Object.entries(boxes)) {
-      byId(id).addEventListener("change", () => {
-        this.scene.options[option] = byId(id).checked;
-        this.scene.draw(this.frame);
-      });
-    }
-    document.querySelector(".with-truth").hidden = data.truth === null;
-    document.querySelector(".with-spread").hidden = data.spread === null;
-    byId("reset").addEventListener("click", () => {
-      this.scene.orbit.reset();
-      this.scene.draw(this.frame);
-    });
-  }
-
-  restyle() {
-    readColours();
-    this.scene.draw(this.frame);
-    this.views.draw(this.frame);
   }
 
   // Someone chose a frame: playing goes on from there.

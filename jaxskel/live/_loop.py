@@ -1,0 +1,40 @@
+"""The loop of a live session: a frame, its pose, and everybody who wants it."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import UInt8
+
+from ..poses import Poses
+from ._clock import Clock
+from ._source import Source
+from ._tally import Moment, Tally
+
+Sink = Callable[[Poses, Moment], None]
+"""Takes the poses of one frame, numbered as the frame is, and must not keep the loop waiting."""
+
+
+def play(
+    source: Source,
+    reconstruct: Callable[[UInt8[np.ndarray, "cams h w8"]], Poses],
+    sinks: Iterable[Sink],
+    clock: Clock,
+    tally: Tally,
+) -> None:
+    """Reconstruct the frames of a source as they come and hand each to all sinks, until the source or the clock ends.
+
+    Args:
+        source: Where the frames come from.
+        reconstruct: Makes poses of one frame, such as [`Stream.push`][jaxskel.Stream].
+        sinks: Who gets the poses, in this order.
+        clock: The session's clock.
+        tally: Counts.
+    """
+    sinks = tuple(sinks)
+    for taken in source.frames(clock):
+        poses = replace(reconstruct(taken.silhouettes), frame_index=np.array([taken.number]))
+        moment = tally.begin(taken.number)
+        for sink in sinks:
+            sink(poses, moment)
+        tally.end(taken.time, clock.now())

@@ -1,0 +1,44 @@
+"""The page of a live session: the report's scene, and a message for each frame."""
+
+import json
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from ...poses import Poses
+from ...recording import Recording, rotation_to_z_up
+from ._filled import filled
+from ._numbers import pose_numbers, scene_numbers
+
+# Resolution of points (m): with 16 bits, those up to 16 m from the middle of the cameras are shown.
+_STEP = 5e-4
+# In order of their dependencies.
+_SCRIPTS = ("data.js", "orbit.js", "scene.js", "options.js", "live.js")
+
+
+@dataclass(frozen=True)
+class LivePage:
+    """A page that shows the frames of a session as they come. Make one with [`live_page`][]."""
+
+    html: str
+    """The page, which loads nothing else, but asks for messages at ``ws://HOST/poses`` of the host that it is from."""
+    origin: Float[np.ndarray, "3"]
+    """What the points in messages refer to (m, z up)."""
+
+    def message(self, poses: Poses, told: str) -> str:
+        """The message about one frame; the page shows what is told as it is."""
+        numbers = pose_numbers(poses, self.origin, _STEP)
+        return json.dumps(numbers | {"number": int(poses.frame_index[0]), "told": told}, separators=(",", ":"))
+
+
+def live_page(rig: Recording, hosts: tuple[str, ...]) -> LivePage:
+    """The page of a rig.
+
+    Args:
+        rig: Cameras, up axis and name; its frames are not looked at.
+        hosts: Names of the server, with its port, that the page may ask for messages.
+    """
+    origin = (rig.cameras.centres @ rotation_to_z_up(rig.up).T).mean(0)
+    address = " ".join(f"ws://{host}" for host in hosts)
+    return LivePage(filled("live.html", _SCRIPTS, rig.name, scene_numbers(rig, origin, _STEP), address=address), origin)
