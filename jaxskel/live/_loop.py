@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import UInt8
@@ -15,9 +16,18 @@ Sink = Callable[[Poses, Moment], None]
 """Takes the poses of one frame, numbered as the frame is, and must not keep the loop waiting."""
 
 
+@runtime_checkable
+class Reconstruct(Protocol):
+    """Makes poses of one frame, such as [`Stream.push`][jaxskel.Stream]."""
+
+    def __call__(self, masks: UInt8[np.ndarray, "cams h w8"], skipped: int, hurry: bool) -> Poses:
+        """Poses of one frame; how many were left out before it, and whether others wait."""
+        ...
+
+
 def play(
     source: Source,
-    reconstruct: Callable[[UInt8[np.ndarray, "cams h w8"]], Poses],
+    reconstruct: Reconstruct,
     sinks: Iterable[Sink],
     clock: Clock,
     tally: Tally,
@@ -26,14 +36,18 @@ def play(
 
     Args:
         source: Where the frames come from.
-        reconstruct: Makes poses of one frame, such as [`Stream.push`][jaxskel.Stream].
+        reconstruct: Makes poses of one frame.
         sinks: Who gets the poses, in this order.
         clock: The session's clock.
         tally: Counts.
     """
-    sinks = tuple(sinks)
+    sinks, following = tuple(sinks), 0
     for taken in source.frames(clock):
-        poses = replace(reconstruct(taken.silhouettes), frame_index=np.array([taken.number]))
+        # Another frame has been taken since.
+        hurry = (clock.now() - taken.time) * source.rig.fps > 1
+        poses = reconstruct(taken.silhouettes, taken.number - following, hurry)
+        following = taken.number + 1
+        poses = replace(poses, frame_index=np.array([taken.number]))
         moment = tally.begin(taken.number)
         for sink in sinks:
             sink(poses, moment)

@@ -53,8 +53,9 @@ class SilhouetteDistances(eqx.Module):
 
     def of(self, frame: Int[Array, ""]) -> "SilhouetteDistances":
         """One frame of a stack on the device; the large array of values is shared, not copied."""
-        own = jax.tree.map(lambda a: a[frame], (self.shape, self.step, self.cameras, self.misses))
-        return SilhouetteDistances(self.values, *own, frame)
+        given = self.shape, self.step, self.cameras, self.misses
+        shape, step, cameras, misses = jax.tree.map(lambda a: a[frame], given)
+        return SilhouetteDistances(self.values, shape, step, cameras, misses, frame)
 
     def at(self, points: Float[Array, "points 3"]) -> Float[Array, "cams points"]:
         """Distances at points in the world (m, at the depth of each point, see `apparent_depth`), for one frame.

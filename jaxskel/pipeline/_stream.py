@@ -12,7 +12,7 @@ from ..cameras import Cameras
 from ..hull import body_middles
 from ..poses import Poses, Status
 from ..recording import MIN_VIEWS, Recording, find_empty_views, rotation_to_z_up, silhouette_areas
-from ..search import Track, Tracking, lost
+from ..search import Track, Tracking, before_next, hurried, lost, over_gap
 from ._better_subject import BetterSubject
 from ._following_grid import grid_around, is_left
 from ._prepare import place, with_grid, with_model, with_subject
@@ -88,18 +88,27 @@ class Stream:
         self._track: Track | None = None
         self._middle: np.ndarray | None = None  # of the person in the frame before (m, z up)
         self._count = 0
+        self._put_off = 0  # successive frames in which searches were put off
         self._for_body: tuple[Body, Settings] | None = None
         self._to_find = subject is None or (settings.search is not None and settings.body is None)
         self._found = not self._to_find
         self._strangers = 0  # successive frames of somebody else
         self._better = BetterSubject(self._empty, settings) if self._to_find else None
 
-    def push(self, masks: Bool[np.ndarray, "cams h w"] | UInt8[np.ndarray, "cams h columns"]) -> Poses:
+    def push(
+        self,
+        masks: Bool[np.ndarray, "cams h w"] | UInt8[np.ndarray, "cams h columns"],
+        skipped: int = 0,
+        hurry: bool = False,
+    ) -> Poses:
         """Reconstruct the next frame.
 
         Args:
             masks: Silhouettes of all views, as large as the largest image: true, or not zero, is the person. Or packed
                 bits, as from `numpy.packbits` over the width.
+            skipped: Number of frames before this one that were left out; a person who is followed moved on in them.
+            hurry: Whether other frames wait. Searches that are not needed to find the person are then put off, for a
+                second at most.
 
         Returns:
             Poses of one frame, in the cameras' world (m). Its `frame_index` counts the calls.
@@ -110,7 +119,15 @@ class Stream:
         silhouettes = _packed(masks, self._empty)
         prepared = self._prepared_for(silhouettes)
         settings = self._settings_for(prepared.body)
-        poses, track = reconstruct_batch(silhouettes, self._empty, prepared, settings, track=self._track, at_once=1)
+        self._put_off = self._put_off + 1 if hurry and self._put_off < self._empty.fps else 0
+        track = self._track
+        if track is not None and skipped:
+            track = before_next(track, skipped)
+        if track is not None and self._put_off:
+            track = hurried(track)
+        poses, track = reconstruct_batch(silhouettes, self._empty, prepared, settings, track=track, at_once=1)
+        if self._track is not None and track is not None and skipped:
+            track = over_gap(self._track, track, skipped)
         with_pose = bool(poses.has_pose[0])
         # Poses of single frames may jump; those of a track do not.
         tracked = with_pose and track is not None

@@ -13,6 +13,8 @@ from ._fit import fit_scales as fit_scales
 from ._follow_frame import begun as begun
 from ._follow_frame import follow_frame as follow_frame
 from ._follow_frame import search_is_due as search_is_due
+from ._gaps import before_next as before_next
+from ._gaps import over_gap as over_gap
 from ._gauss_newton import DAMPING as DAMPING
 from ._gauss_newton import RELATIVE_DAMPING as RELATIVE_DAMPING
 from ._hypotheses import Hypotheses as Hypotheses
@@ -30,6 +32,7 @@ from ._track import track_frames as track_frames
 from ._track_state import Searched as Searched
 from ._track_state import Track as Track
 from ._track_state import Tracking as Tracking
+from ._track_state import hurried as hurried
 from ._track_state import lost as lost
 from ._track_state import must_be_found as must_be_found
 from ._uncertainty import SAME_PLACE as SAME_PLACE

@@ -30,7 +30,7 @@ def follow_frame(
     """
     stack = on_device(observed, 1)
     offer = None
-    if track.ongoing is not None:
+    if track.ongoing is not None and not track.hurried:
         track, offer = search_on(model, tracking, track, stack)
     nothing = pool_of(jax.tree.map(lambda a: np.asarray(a)[None, None], track.last), np.zeros(1, int))
     found = best_track(model, tracking, track, nothing if offer is None else offer, stack)
@@ -42,7 +42,7 @@ def follow_frame(
 
 def search_is_due(tracking: Tracking, fps: float, track: Track) -> bool:
     """Whether a search should begin in the next frame of a stream; one that goes on is not disturbed."""
-    return track.ongoing is None and track.since + 1 >= between_searches(tracking, fps)
+    return track.ongoing is None and not track.hurried and track.since + 1 >= between_searches(tracking, fps)
 
 
 def begun(track: Track, found: Hypotheses, steps: Steps[Searched]) -> Track:

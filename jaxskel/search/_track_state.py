@@ -55,11 +55,18 @@ class Track(eqx.Module):
     """Confidence of the last full search that left and right are not exchanged (0.5..1)."""
     ongoing: Ongoing | None = None
     """A search that lasts over several frames of a stream."""
+    hurried: bool = False
+    """Whether searches are put off in the next frame of a stream, because other frames wait."""
 
 
 def must_be_found(track: Track) -> bool:
     """Whether the next frame of a stream must be searched in before anything else, see `lost`."""
     return track.since < 0
+
+
+def hurried(track: Track) -> Track:
+    """The same track; in the next frame, a search neither begins nor goes on, unless the person is lost."""
+    return replace(track, hurried=True)
 
 
 def lost(track: Track) -> Track:

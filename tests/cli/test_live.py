@@ -26,7 +26,7 @@ from support.live_sessions import StubStream
 from jaxskel.cli._app import main
 
 class Telling(StubStream):
-    def push(self, masks):
+    def push(self, masks, *rest):
         print("frame", self.count, flush=True)
         return super().push(masks)
 
@@ -141,7 +141,7 @@ def test_killed_in_the_middle_it_loses_nothing_that_was_done(scene, tmp_path):
 
 def test_a_source_that_fails_leaves_what_came_before(scene, tmp_path):
     class Failing(StubStream):
-        def push(self, masks):
+        def push(self, masks, *rest):
             if self.count == 4:
                 raise ValueError("cam2.avi: breaks off at frame 4; write it again")
             return super().push(masks)

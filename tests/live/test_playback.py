@@ -13,7 +13,7 @@ def played(source: Playback, clock: JumpingClock, takes) -> tuple[list[int], lis
     """Numbers of the frames, what their images say, and the counts, where the n-th frame takes `takes(n)` seconds."""
     numbers, shown, tally, stream = [], [], Tally(source.rig.fps), StubStream(None)
 
-    def reconstruct(silhouettes: np.ndarray):
+    def reconstruct(silhouettes: np.ndarray, skipped: int, hurry: bool):
         shown.append(int(silhouettes[0, 0, 0]))
         clock.time += takes(len(shown) - 1)
         return stream.push(silhouettes)
@@ -50,6 +50,20 @@ def test_a_single_slow_frame_is_caught_up_with():
     assert numbers_after(2 * PATIENCE) == [*range(11), 12, 14, *range(16, 30)]
     # Frame 10 is done at 0.95 s: frames due before 0.75 s come too late to help.
     assert numbers_after(0.55) == [*range(11), *range(19, 30)]
+
+
+def test_it_is_told_what_was_left_out_and_whether_frames_wait():
+    told, clock = [], JumpingClock()
+
+    def reconstruct(silhouettes: np.ndarray, skipped: int, hurry: bool):
+        told.append((int(silhouettes[0, 0, 0]), skipped, hurry))
+        clock.time += 0.55 if len(told) == 3 else 0.02
+        return StubStream(None).push(silhouettes)
+
+    play(Playback(numbered(30)), reconstruct, [], clock, Tally(25.0))
+    # Frame 2 is done at 0.63 s, and frame 11, which is due at 0.44 s, is the first to be taken then.
+    assert told[:4] == [(0, 0, False), (1, 0, False), (2, 0, False), (11, 8, True)]
+    assert told[-1] == (29, 0, False)
 
 
 def test_who_is_a_little_too_slow_for_every_frame_gets_every_other_one():

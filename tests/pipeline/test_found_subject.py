@@ -46,7 +46,7 @@ def test_a_known_skeleton_is_kept(stout_and_found):
     np.testing.assert_allclose(found.skeleton.rest_tips, ADULT.rest_tips, atol=1e-4)
 
 
-def test_what_is_compiled_ahead_is_all_that_takes_long(monkeypatch, tmp_path):
+def test_what_is_compiled_ahead_is_all_that_takes_long(monkeypatch):
     """Fits, proposals of limbs, adjustments and the refinement are compiled ahead, and nothing is in vain."""
     begun, called = set(), set()
 
@@ -65,8 +65,6 @@ def test_what_is_compiled_ahead_is_all_that_takes_long(monkeypatch, tmp_path):
     monkeypatch.setattr(CachedJit, "__call__", call)
     monkeypatch.setattr(CachedJit, "ahead", ahead)
     monkeypatch.setattr("jaxskel.pipeline._ahead.usable_cores", lambda: 2)
-    monkeypatch.setattr("jaxskel._runtime.compile_cache._folder", lambda: tmp_path)
-    monkeypatch.setattr(CachedJit, "_program", lambda *_: None)  # compiled as without a folder
     recording, settings = film(BODY), Settings(hull=HullSettings(max_misses=0))
     reconstruct_batch(recording.silhouettes[:], recording, prepare(recording, settings), settings)
     long = {"_fitted", "with_pairs", "with_single", "linearised", "_turned", "refine_frames"}

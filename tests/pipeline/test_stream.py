@@ -95,6 +95,18 @@ def test_a_lost_person_has_a_status_and_is_found_again(scene, tracked):
     assert error[there].max() < 80
 
 
+def test_frames_may_be_left_out(scene, tracked):
+    with Stream(scene.cameras, tracked, scene.skeleton, scene.up, scene.fps) as stream:
+        poses = [stream.push(scene.silhouettes[0])]
+        poses += [stream.push(frame, skipped=1, hurry=True) for frame in scene.silhouettes[2::2]]
+    found = join_poses(poses)
+    assert found.has_pose.all()
+    assert scene.truth is not None
+    error = 1e3 * np.linalg.norm(found.joints - scene.truth.joints[::2], axis=-1)
+    assert np.median(error) < 15
+    assert error.max() < 80
+
+
 def test_a_stream_waits_for_the_first_person(scene):
     masks = np.concatenate([np.zeros_like(scene.silhouettes[:2]), scene.silhouettes[:2]])
     poses = streamed(scene, PAPER, masks)

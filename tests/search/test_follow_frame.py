@@ -11,7 +11,17 @@ from support.capsule_films import ADULT, BODY, Filmed, film_body, joints_of, som
 from jaxskel import Pose
 from jaxskel._runtime.batching import on_device
 from jaxskel.body import SEGMENT_NAMES
-from jaxskel.search import Searched, Track, Tracking, follow_frame, lost, make_model, must_be_found, search_is_due
+from jaxskel.search import (
+    Searched,
+    Track,
+    Tracking,
+    follow_frame,
+    hurried,
+    lost,
+    make_model,
+    must_be_found,
+    search_is_due,
+)
 from jaxskel.search._follow_frame import search_on
 from jaxskel.search._track_state import Ongoing
 from jaxskel.synthetic import demo_motion
@@ -32,8 +42,20 @@ def test_a_search_begins_at_intervals_and_once_only(filmed):
     track = replace(track, since=5)  # a quarter of a second at 24 frames per second
     assert search_is_due(Tracking(), FPS, track)
     assert not search_is_due(Tracking(), FPS, replace(track, ongoing=Ongoing(found_at(pose, 3.0), pose, 3.0)))
+    assert not search_is_due(Tracking(), FPS, hurried(track))
     assert not must_be_found(track)
     assert must_be_found(lost(track))
+
+
+def test_a_search_is_put_off_in_a_hurry(filmed):
+    pose = some(filmed.truth, 5)
+    track = Track(pose, some(filmed.truth, 4), 0, np.full(30, 3.0), 0.5, Ongoing(found_at(pose, 3.0), pose, 3.0))
+    stack = on_device(some(filmed.observed, [6]), 1)
+    for _ in range(4):  # more than the search has steps
+        followed = follow_frame(make_model(BODY), Tracking(), hurried(track), stack)
+        assert followed is not None
+        assert followed[2].ongoing is track.ongoing
+    assert next(track.ongoing.steps) is None
 
 
 def found_at(pose: Pose, cost: float):

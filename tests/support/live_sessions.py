@@ -36,7 +36,7 @@ class StubStream:
     def __init__(self, cameras, settings=None, subject=None, up: str = "+Z", fps: float = 25.0):
         self.walk, self.count = replace(with_up(_WALK, up), fps=fps), 0
 
-    def push(self, masks: np.ndarray) -> Poses:
+    def push(self, masks: np.ndarray, skipped: int = 0, hurry: bool = False) -> Poses:
         self.count += 1
         return step_of(self.walk, (self.count - 1) % len(self.walk))
 
