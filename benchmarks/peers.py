@@ -197,11 +197,7 @@ def main() -> int:
     parser.add_argument("--baseline", type=Path, help="compare with the rows of an earlier run")
     arguments = parser.parse_args()
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    # JAX starts as many threads as there are cores. On one core, two threads that wait for each other take fifty times
-    # as long for a refinement.
-    with _one_core():
-        backend = jax.default_backend()
-    report = Report(f"{platform.machine()}, {cores} core(s), {backend}", arguments.sequence.stem)
+    report = Report(f"{platform.machine()}, {cores} core(s), {jax.default_backend()}", arguments.sequence.stem)
     print(f"{report.sequence} on {report.machine}, batch {BATCH}\n\n{HEADER}")
     bench = Bench(arguments.sequence, arguments.film, report, arguments.repeat)
     for stage in arguments.stages:
