@@ -55,7 +55,7 @@ class Track(eqx.Module):
     """Confidence of the last full search that left and right are not exchanged (0.5..1)."""
     ongoing: Ongoing | None = None
     """A search that lasts over several frames of a stream."""
-    hurried: bool = False
+    hurried: bool = eqx.field(static=True, default=False)
     """Whether searches are put off in the next frame of a stream, because other frames wait."""
 
 
