@@ -3,6 +3,7 @@
 In: K, R, t, distortion. Out: projections (px), unit viewing rays, comparisons of rigs.
 """
 
+from ._blind import nameless as nameless
 from ._blind import rig_size as rig_size
 from ._blind import with_blind_cameras as with_blind_cameras
 from ._cameras import Cameras as Cameras

@@ -1,5 +1,7 @@
 """Rigs filled up with cameras that see nothing, so that rigs of similar size share compiled code."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from ._cameras import Cameras
@@ -13,15 +15,14 @@ def rig_size(cameras: int) -> int:
     return next((size for size in _SIZES if size >= cameras), -(-cameras // _SIZES[-1]) * _SIZES[-1])
 
 
-def with_blind_cameras(cameras: Cameras) -> Cameras:
-    """The rig, filled up to `rig_size` by cameras that see no point at all; all names are numbers.
+def nameless(cameras: Cameras) -> Cameras:
+    """The rig with numbers for names: names are static fields, so others would compile again."""
+    return replace(cameras, names=tuple(map(str, range(len(cameras)))))
 
-    Names are static fields, so others would compile again.
-    """
+
+def with_blind_cameras(cameras: Cameras) -> Cameras:
+    """The rig, filled up to `rig_size` by cameras that see no point at all, and `nameless`."""
     count = len(cameras)
-    size = rig_size(count)
-    filled = cameras[np.minimum(np.arange(size), count - 1)]
-    limits = np.where(np.arange(size) < count, filled.max_radius, 0.0)
-    return Cameras(
-        filled.K, filled.R, filled.t, filled.dist, limits, filled.size, tuple(map(str, range(size))), filled.fisheye
-    )
+    number = np.arange(rig_size(count))
+    filled = cameras[np.minimum(number, count - 1)]
+    return nameless(replace(filled, max_radius=np.where(number < count, filled.max_radius, 0.0)))

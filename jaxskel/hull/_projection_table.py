@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._runtime.batching import step_above
 from .._runtime.compile_cache import cached_jit
-from ..cameras import Cameras, project
+from ..cameras import Cameras, nameless, project
 from ._blocks import INNER, blocks_of, count_blocks, find_footprints, nowhere, voxels_of
 from ._grid import VoxelGrid
 
@@ -85,9 +85,7 @@ def projection_table(cameras: Cameras, grid: VoxelGrid, height: int, width: int,
     """
     blocks = count_blocks(grid.shape)
     pixels = np.full((len(cameras), step_above(blocks), INNER), height * width, np.int32)
-    axes = grid.axes()
-    # Names are static fields, so other names would recompile.
-    nameless = replace(cameras, names=tuple(map(str, range(len(cameras)))))
+    axes, rig = grid.axes(), nameless(cameras)
     # In parts, because all coordinates of a large grid at once would take gigabytes.
     with jax.enable_x64(True):
         for start in range(0, blocks, _AT_ONCE):
@@ -95,7 +93,7 @@ def projection_table(cameras: Cameras, grid: VoxelGrid, height: int, width: int,
             # Voxels of a block outside the grid get the pixel of its first voxel.
             part = np.where(voxels < 0, voxels[:, :1], voxels).reshape(-1)
             points = [axis.take(index) for axis, index in zip(axes, np.unravel_index(part, grid.shape), strict=True)]
-            found = np.asarray(_pixels(nameless, np.stack(points, 1), height, width)).reshape(len(cameras), -1, INNER)
+            found = np.asarray(_pixels(rig, np.stack(points, 1), height, width)).reshape(len(cameras), -1, INNER)
             stop = min(start + _AT_ONCE, blocks)
             pixels[:, start:stop] = found[:, : stop - start]
     footprints = np.stack([find_footprints(each, height, width) for each in pixels])

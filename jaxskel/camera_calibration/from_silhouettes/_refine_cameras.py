@@ -1,7 +1,6 @@
 """Refines camera extrinsics from silhouettes alone: no board and no points, only a person whom all cameras see."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import equinox as eqx
 import jax
@@ -9,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
 from ..._runtime.batching import single_precision
-from ...cameras import Cameras, ExtrinsicChange, changed, no_change
+from ...cameras import Cameras, ExtrinsicChange, changed, nameless, no_change
 from ...hull import body_middles
 from ...recording import MIN_VIEWS, Recording, find_empty_views, silhouette_areas
 from ._closed_gaps import silhouettes_without_gaps
@@ -96,8 +95,7 @@ def refine_cameras(
     for name, value in (("rotation_sd", rotation_sd), ("shift_sd", shift_sd)):
         if not 0 < value < np.inf:
             raise ValueError(f"{name} {value}: give a standard deviation above zero, in radians or metres")
-    # Replace the names, which are static: other names would compile again.
-    given = replace(recording.cameras, names=tuple(map(str, range(len(recording.cameras)))))
+    given = nameless(recording.cameras)
     chosen, empty_views = _frames(recording, frames)
     if len(chosen) == 0:
         return _unrefined(recording.cameras)
