@@ -214,9 +214,10 @@ def silhouette_distances(
             right, low = cameras.size[view].tolist()
             rows, columns = -(-low // step), -(-right // step)
             own = images[frame, view]
-            own[:] = _LOST  # also beyond an image that is smaller than others
             if empty_views[frame, view]:
+                own[:] = _LOST
                 continue
+            own[rows:], own[:rows, columns:] = _LOST, _LOST  # beyond an image that is smaller than others
             own[:rows, :columns] = _FARTHEST
             if box is not None:
                 _write_distances(own[:rows, :columns], packed[view, :low], box, right, step, _FARTHEST)

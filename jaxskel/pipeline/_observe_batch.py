@@ -124,12 +124,14 @@ def look_at_outlines(
     observation: Observation,
     prepared: Prepared,
     stopwatch: Stopwatch = lambda _: nullcontext(),
+    middles: Float[np.ndarray, "people 3"] | None = None,
 ) -> Observation:
-    """Add the outlines, and the labels if there are any, to an observation."""
+    """Add the outlines, and the labels if there are any, to an observation; `middles` (m) if they are known already."""
     silhouettes, seen, labelled, _ = observation
     limbs = Limbs.none(len(seen.frames)) if labelled is None else labelled.limbs
     with stopwatch("observe"):
-        middles = middles_of_people(seen, silhouettes, prepared.cameras)
+        if middles is None:
+            middles = middles_of_people(seen, silhouettes, prepared.cameras)
         observed = observed_volume(
             limbs, seen, silhouettes, prepared.cameras, middles, prepared.max_misses
         )  # fmt: skip

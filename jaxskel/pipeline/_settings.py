@@ -62,7 +62,7 @@ class RefinementSettings(eqx.Module):
     parametrisation: Parametrisation = HingedLimbs()
     """How a pose is expressed by unknowns."""
     solver: Solver = eqx.field(default_factory=default_solver)
-    rounds: int = 2
+    rounds: int = 1
     """Number of times that correspondences are looked up. With 1, 2 and 3 the median error is 9.5, 9.4 and 9.4 mm on
     three test sequences: see `benchmarks/defaults.py`."""
     max_steps: int = 16

@@ -10,9 +10,9 @@ from jaxtyping import Bool, Float, Int, UInt8
 
 from .._math.gaussians import deviation_for
 from .._runtime.batching import length_of, on_device, padded, single_precision, take
-from ..body import Body, Pose, Skeleton, place_joints
+from ..body import JOINT_NAMES, Body, Pose, Skeleton, place_joints
 from ..graph import SkeletalGraph, forest_of
-from ..hull import FRAMES_PER_WORD, Seen, Stopwatch
+from ..hull import FRAMES_PER_WORD, Seen, Stopwatch, middles_of_people
 from ..matching import L_FOOT, R_FOOT, Limbs, joint_confidence, template_ends
 from ..refinement import Refined
 from ..refinement.terms import Objective, Observed
@@ -43,7 +43,7 @@ from ..search import (
     unexplained_shares,
 )
 from ._evidence import observed_graph
-from ._observe_batch import Labelled, Observation, draw_graphs, label_graphs, observe_batch
+from ._observe_batch import Labelled, Observation, draw_graphs, label_graphs, look_at_outlines, observe_batch
 from ._prepared import Prepared
 from ._settings import Settings
 
@@ -174,11 +174,14 @@ def _by_following(
     assert search is not None
     assert tracking is not None
     due = search_is_due(tracking, fps, track)
-    found = observe_batch(silhouettes, prepared, settings, label=False, carved=due, stopwatch=stopwatch, at_once=1)
+    found = observe_batch(
+        silhouettes, prepared, settings, label=False, outlines=False, carved=due, stopwatch=stopwatch, at_once=1
+    )  # fmt: skip
     if len(found.seen.frames) == 0:
         return found.seen, None, track
+    found = look_at_outlines(found, prepared, stopwatch, np.asarray(track.last.root)[None])
     assert found.outlines is not None
-    observed, middles = on_device(found.outlines.observed, 1), found.outlines.middles
+    observed = on_device(found.outlines.observed, 1)
     model = prepared.model or make_model(prepared.body)
 
     def steps() -> Steps[Searched]:
@@ -187,6 +190,7 @@ def _by_following(
         limbs, facing, sides = label_graphs(graphs, skeleton, settings, stopwatch)[2:]
         yield
         how = search.relative_to(None if prepared.costs is None else prepared.costs.low)
+        middles = middles_of_people(found.seen, silhouettes, prepared.cameras)
         starts, fallback = start_poses(limbs, facing, skeleton), graphless_poses(middles, skeleton)
         best = yield from solving(model, how, starts, fallback, observed)
         return Searched(jax.tree.map(lambda a: a[0], best.best), float(best.cost[0, 0]), float(sides[0]))
@@ -208,11 +212,11 @@ def _start_from(
     costs, skeleton = prepared.costs, prepared.skeleton
     unexplained = _unexplained(found.best, observed, prepared.body)
     unusual = cost_threshold(None if costs is None else costs.typical)
-    joints = _joints(found, skeleton, length_of(observed))
+    away = _away(found, skeleton, length_of(observed))
 
     def uncertainty(refined: Refined) -> Uncertainty:
         return searched_uncertainty(
-            joints, found.cost, np.asarray(refined.covariance), unusual, unexplained, prepared.clothes
+            away, found.cost, np.asarray(refined.covariance), unusual, unexplained, prepared.clothes
         )
 
     return Start(found.best, observed, unexplained < NOT_THE_SUBJECT, sides, uncertainty)
@@ -225,11 +229,15 @@ def _unexplained(poses: Pose, observed: Observed, body: Body) -> Float[np.ndarra
     return np.asarray(shares)[: len(poses.root)]
 
 
-def _joints(found: Hypotheses, skeleton: Skeleton, at_once: int) -> Float[np.ndarray, "frames hypotheses joints=15 3"]:
+def _away(found: Hypotheses, skeleton: Skeleton, at_once: int) -> Float[np.ndarray, "frames hypotheses joints=15 3"]:
+    """Where the joints of all hypotheses are, relative to those of the first (m)."""
     count, hypotheses = found.cost.shape
+    if hypotheses == 1:
+        return np.zeros((count, 1, len(JOINT_NAMES), 3), np.float32)
     poses = jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:]), padded(found.poses, at_once))
     joints = np.asarray(place_joints(single_precision(skeleton), poses)[0])
-    return joints.reshape(at_once, hypotheses, *joints.shape[1:])[:count]
+    joints = joints.reshape(at_once, hypotheses, *joints.shape[1:])[:count]
+    return joints - joints[:, :1]
 
 
 def _plausible(graphs: list[SkeletalGraph], limbs: Limbs, skeleton: Skeleton) -> Bool[np.ndarray, " frames"]:

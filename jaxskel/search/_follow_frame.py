@@ -25,13 +25,17 @@ def follow_frame(
 ) -> tuple[Hypotheses, Float[np.ndarray, "frames=1"], Track] | None:
     """Follow the person into one more frame; None where the frame is suspicious, so that it must be searched in.
 
-    An ongoing search is taken one step on. Arguments and results are those of `track_frames`; `observed` is a stack of
-    one frame.
+    An ongoing search is taken one step on, in every other frame while the track costs what is usual: of 18 searches in
+    nine films none found a better pose. Arguments and results are those of `track_frames`; `observed` is a stack of one
+    frame.
     """
     stack = on_device(observed, 1)
     offer = None
     if track.ongoing is not None and not track.hurried:
-        track, offer = search_on(model, tracking, track, stack)
+        if track.ongoing.rests and track.costs[-1] < np.median(track.costs) + tracking.margin:
+            track = replace(track, ongoing=replace(track.ongoing, rests=False))
+        else:
+            track, offer = search_on(model, tracking, track, stack)
     nothing = pool_of(jax.tree.map(lambda a: np.asarray(a)[None, None], track.last), np.zeros(1, int))
     found = best_track(model, tracking, track, nothing if offer is None else offer, stack)
     if offer is None and suspicious(model, track, found).any():
@@ -64,7 +68,7 @@ def search_on(model: Model, tracking: Tracking, track: Track, stack: Observed) -
     except StopIteration as end:
         found: Searched = end.value
     else:
-        return track, None
+        return replace(track, ongoing=replace(track.ongoing, rests=True)), None
     track = replace(track, sides=found.sides, ongoing=None)
     if found.cost > cost - tracking.margin:
         return track, None

@@ -40,6 +40,8 @@ class Ongoing:
     """Pose of the track in the frame that is searched in."""
     cost: float
     """Its cost."""
+    rests: bool = False
+    """Whether it rests in the next frame, unless that is needed, see `follow_frame`."""
 
 
 class Track(eqx.Module):

@@ -42,7 +42,7 @@ class Uncertainty(NamedTuple):
 
 
 def searched_uncertainty(
-    joints: Float[np.ndarray, "frames hypotheses joints=15 3"],
+    away: Float[np.ndarray, "frames hypotheses joints=15 3"],
     cost: Float[np.ndarray, "frames hypotheses"],
     covariance: Float[np.ndarray, "frames joints=15 3 3"],
     cost_threshold: float,
@@ -52,7 +52,8 @@ def searched_uncertainty(
     """Uncertainty of the cheapest hypothesis: its own, and that of choosing it among its rivals.
 
     Args:
-        joints: Joints of all hypotheses (m, in the world); no two of a frame are alike.
+        away: Joints of all hypotheses, relative to those of the cheapest (m, in the world); no two hypotheses of a
+            frame are alike.
         cost: Costs of all hypotheses.
         covariance: Covariances from the normal equations, see `joint_covariance`.
         cost_threshold: Cost that few frames of this subject exceed, see `cost_threshold` in `_search`.
@@ -68,7 +69,6 @@ def searched_uncertainty(
     own = covariance * (wider**2)[..., None, None]
     weight = np.exp(-np.clip(cost - cost[:, :1], -50.0, None) / (_RIVAL_COST * loose**2))
     weight = (weight / weight.sum(1, keepdims=True))[..., None]
-    away = joints - joints[:, :1]
     between = np.einsum("fkj,fkja,fkjb->fjab", np.broadcast_to(weight, away.shape[:3]), away, away)
     offset, deviation = np.linalg.norm(away, axis=-1), (raw * wider)[:, None]
     right = (weight * probability_within(SAME_PLACE, offset, np.broadcast_to(deviation, offset.shape))).sum(1)

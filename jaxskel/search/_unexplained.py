@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._runtime.compile_cache import quickly_compiled
+from .._runtime.compile_cache import cached_jit
 from ..body import Body, Pose, capsule_ends, nearest_to_rays
 from ..outlines import Contours
 from ..refinement.terms import place
@@ -26,7 +26,7 @@ def trust_in_explained(shares: Float[np.ndarray, " frames"]) -> Float[np.ndarray
     return np.clip((NOT_THE_SUBJECT - shares) / (NOT_THE_SUBJECT - _POOR_MASKS), 0.0, 1.0)
 
 
-@quickly_compiled
+@cached_jit
 def unexplained_shares(body: Body, poses: Pose, contours: Contours) -> Float[Array, " frames"]:
     """Share of each frame's outline rays that pass the body at a distance of more than 4 cm."""
 
