@@ -60,20 +60,20 @@ class CachedJit(Generic[P, R]):
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
         leaves, structure = jax.tree.flatten((args, kwargs))
-        leaves = [_strong(leaf) for leaf in leaves]
-        key = self._key(leaves, structure)
+        leaves = [_plain(leaf) for leaf in leaves]
+        key, arrays = self._key(leaves, structure)
         program = None if key is None else self._program(key, leaves, structure)
         if program is None:
             args, kwargs = jax.tree.unflatten(structure, leaves)
             traced = any(isinstance(leaf, Tracer) for leaf in leaves)
             return cast(Callable[..., R], self._traced if traced else self._jitted)(*args, **kwargs)
-        return program([_canonical(leaf) for leaf in leaves if _is_array(leaf)])
+        return program(arrays)
 
     def ahead(self, threads: Executor, *args: P.args, **kwargs: P.kwargs) -> None:
         """Begin to load or compile the program for arguments like these; a call waits for it."""
         leaves, structure = jax.tree.flatten((args, kwargs))
-        leaves = [_strong(leaf) for leaf in leaves]
-        key, switches = self._key(leaves, structure), _switches()
+        leaves = [_plain(leaf) for leaf in leaves]
+        key, switches = self._key(leaves, structure)[0], _switches()
 
         def program() -> None:
             if _switches() == switches:  # JAX's switches may be those of a thread
@@ -82,17 +82,22 @@ class CachedJit(Generic[P, R]):
         if key is not None:
             threads.submit(program)
 
-    def _key(self, leaves: list[Any], structure: Any) -> Hashable | None:
-        """What a program depends on within this process; None if programs are not kept."""
+    def _key(self, leaves: list[Any], structure: Any) -> tuple[Hashable | None, list[Any]]:
+        """What a program depends on within this process, or None if programs are not kept; and the arrays."""
         if _folder() is None:
-            return None
-        numbers = [_is_array(leaf) for leaf in leaves]
-        arrays = [_canonical(leaf) for leaf, number in zip(leaves, numbers, strict=True) if number]
+            return None, []
+        arrays, rest, numbers = [], [], []
+        for leaf in leaves:
+            number = isinstance(leaf, _ARRAYS)
+            numbers.append(number)
+            if number:
+                arrays.append(leaf)
+            else:  # 1, 1.0 and True are equal, but compile differently
+                rest.append((type(leaf), leaf))
         if jax.device_count() > 1 or any(isinstance(array, Tracer) for array in arrays):
-            return None
-        # 1, 1.0 and True are equal, but compile differently.
-        rest = tuple((type(leaf), leaf) for leaf, number in zip(leaves, numbers, strict=True) if not number)
-        return structure, tuple(numbers), rest, tuple((array.shape, array.dtype) for array in arrays), _switches()
+            return None, []
+        shapes = tuple((array.shape, array.dtype) for array in arrays)
+        return (structure, tuple(numbers), tuple(rest), shapes, _switches()), arrays
 
     def _program(self, key: Hashable, leaves: list[Any], structure: Any) -> Callable[[list[Any]], R] | None:
         """The program for a key, loaded or compiled by one thread only; None if there can be none."""
@@ -113,7 +118,7 @@ class CachedJit(Generic[P, R]):
 
     def _prepared(self, folder: Path, leaves: list, structure: Any) -> Callable[[list[Any]], R] | None:
         """The function for arguments like these, from disk or compiled; None if no key can be made for it."""
-        described = [(leaf.shape, _canonical(leaf).dtype.str) if _is_array(leaf) else leaf for leaf in leaves]
+        described = [(leaf.shape, leaf.dtype.str) if _is_array(leaf) else leaf for leaf in leaves]
         try:
             content = _named((self._name, jax.tree.unflatten(structure, described), _switches()))
         except (pickle.PicklingError, AttributeError, TypeError):
@@ -137,7 +142,7 @@ class CachedJit(Generic[P, R]):
 
         # A unique name, so that JAX does not return a program from its own cache: that could not be serialised again.
         flat.__name__ = f"{self._name.replace('.', '_')}_{uuid4().hex}"
-        lowered = jax.jit(flat).lower(*(_canonical(leaf) for leaf in leaves if _is_array(leaf)))
+        lowered = jax.jit(flat).lower(*(leaf for leaf in leaves if _is_array(leaf)))
         result = structures[-1]
         text = lowered.as_text().replace(flat.__name__, "").encode()
         # Arguments that the function does not use are not in the text.
@@ -170,19 +175,28 @@ def _folder() -> Path | None:
     return None if not folder or "://" in folder else Path(folder)
 
 
+_ARRAYS = np.ndarray, jax.Array, np.generic
+
+
 def _is_array(value: Any) -> bool:
-    return isinstance(value, np.ndarray | jax.Array | np.generic)
+    return isinstance(value, _ARRAYS)
 
 
-def _strong(leaf: Any) -> Any:
-    """An array without JAX's weak type, the mark of a Python number, which would cause a recompilation."""
-    weak = isinstance(leaf, jax.Array) and not isinstance(leaf, Tracer) and leaf.weak_type
+def _plain(leaf: Any) -> Any:
+    """An array in JAX's precision and without its weak type, the mark of a Python number: both recompile."""
+    if not isinstance(leaf, _ARRAYS) or not isinstance(leaf.dtype, np.dtype):
+        return leaf
+    kind = _canonical(leaf.dtype, jax.config.jax_enable_x64)  # pyright: ignore[reportAttributeAccessIssue]
+    if leaf.dtype != kind:
+        leaf = np.asarray(leaf, kind)
+    weak = isinstance(leaf, jax.Array) and leaf.weak_type and not isinstance(leaf, Tracer)
     return jnp.asarray(leaf, leaf.dtype) if weak else leaf
 
 
-def _canonical(leaf: Any) -> Any:
-    dtype = jax.dtypes.canonicalize_dtype(leaf.dtype)
-    return leaf if leaf.dtype == dtype else np.asarray(leaf, dtype)
+@cache
+def _canonical(kind: np.dtype, _: bool) -> np.dtype:
+    """JAX's precision for a kind of number; the second argument is the setting that it depends on."""
+    return np.dtype(jax.dtypes.canonicalize_dtype(kind))
 
 
 def _switches() -> tuple[Any, ...]:

@@ -4,9 +4,11 @@ from dataclasses import replace
 from types import TracebackType
 
 import equinox as eqx
+import jax
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
+from .._runtime.batching import single_precision
 from ..body import Body, Skeleton
 from ..cameras import Cameras
 from ..hull import body_middles
@@ -160,9 +162,15 @@ class Stream:
         """The settings with the objective for a body, which is made once, not for each frame."""
         if self._for_body is None or self._for_body[0] is not body:
             refinement = self._settings.refinement
-            refinement = replace(refinement, objective=refinement.objective_for(body))
+            objective = jax.device_put(single_precision(refinement.objective_for(body)))
+            refinement = replace(refinement, objective=objective)
             self._for_body = body, replace(self._settings, refinement=refinement)
         return self._for_body[1]
+
+    def _ready(self, prepared: Prepared) -> Prepared:
+        """With the model of the body, once on the device instead of with every frame."""
+        prepared = with_model(prepared, self._settings)
+        return replace(prepared, model=jax.device_put(prepared.model))
 
     def _prepared_for(self, silhouettes: UInt8[np.ndarray, "frames=1 cams h w8"]) -> Prepared:
         """What is known for a frame: a grid where the person is, and the subject."""
@@ -173,14 +181,14 @@ class Stream:
             if middle is None:
                 return place(frame, self._settings, at_once=1)
             grid = None if self._settings.hull.box is not None else grid_around(middle, self._settings.hull.spacing)
-            self._prepared = with_model(place(frame, self._settings, grid, at_once=1), self._settings)
+            self._prepared = self._ready(place(frame, self._settings, grid, at_once=1))
         self._follow(silhouettes)
         if self._better is not None:
             self._improve(self._better.found())
         if not self._found:
             found = with_subject(self._prepared, silhouettes, self._settings, calibrate=True, at_once=1)
             if found is not self._prepared:
-                self._prepared, self._found = with_model(found, self._settings), True
+                self._prepared, self._found = self._ready(found), True
         return self._prepared
 
     def _follow(self, silhouettes: UInt8[np.ndarray, "frames=1 cams h w8"]) -> None:
@@ -199,9 +207,9 @@ class Stream:
         if better is None or before is None or before.table is None:
             return
         table = before.table
-        self._prepared = replace(better, table=table, edge=before.edge)
+        self._prepared = self._ready(replace(better, table=table, edge=before.edge))
         if better.max_misses != before.max_misses:
-            self._prepared = with_grid(better, table.grid, table.size, self._settings)
+            self._prepared = with_grid(self._prepared, table.grid, table.size, self._settings)
         self._found = True
         if self._track is not None:
             self._track = eqx.tree_at(lambda t: t.costs, lost(self._track), np.zeros(0))

@@ -10,7 +10,7 @@ import pytest
 from support.capsule_films import ADULT, BODY, some
 
 from jaxskel import HullSettings, Prepared, Recording, Settings, default_adult, make_body, prepare
-from jaxskel._runtime.compile_cache import CachedJit, _strong
+from jaxskel._runtime.compile_cache import CachedJit, _plain
 from jaxskel.body import BALL_NAMES, Body, flesh_prior, lengths_of, measured_body, place_body
 from jaxskel.pipeline import reconstruct_batch
 from jaxskel.synthetic import camera_ring, demo_motion, render
@@ -52,7 +52,7 @@ def test_what_is_compiled_ahead_is_all_that_takes_long(monkeypatch):
 
     def key_of(function: CachedJit, args: tuple, kwargs: dict) -> tuple[str, Any]:
         leaves, structure = jax.tree.flatten((args, kwargs))
-        return function.__name__, function._key([_strong(leaf) for leaf in leaves], structure)
+        return function.__name__, function._key([_plain(leaf) for leaf in leaves], structure)[0]
 
     def call(function: CachedJit, *args: Any, **kwargs: Any) -> Any:
         called.add(key_of(function, args, kwargs))
