@@ -28,12 +28,14 @@ from ..search import (
     Uncertainty,
     begun,
     cost_threshold,
+    doubt_arises,
     follow_frame,
     graphless_poses,
     initial_poses,
     lost,
     make_model,
     must_be_found,
+    search_in_doubt,
     search_is_due,
     searched_uncertainty,
     solve_frames,
@@ -199,9 +201,16 @@ def _by_following(
         followed = follow_frame(model, tracking, track, observed)
         if followed is None:
             return None
-        hypotheses, sides, track = followed
         if due:
-            track = begun(track, hypotheses, steps())
+            followed = *followed[:2], begun(followed[2], followed[0], steps())
+        elif doubt_arises(tracking, fps, followed[2]):
+            found = observe_batch(
+                silhouettes, prepared, settings, label=False, outlines=False, stopwatch=stopwatch, at_once=1
+            )  # fmt: skip
+            if len(found.seen.frames) == 0:
+                return found.seen, None, followed[2]
+            followed = search_in_doubt(model, tracking, track, followed, steps(), observed)
+        hypotheses, sides, track = followed
         return found.seen, _start_from(hypotheses, observed, sides, prepared), track
 
 

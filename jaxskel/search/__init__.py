@@ -11,7 +11,9 @@ from ._fit import Steps as Steps
 from ._fit import fit_poses as fit_poses
 from ._fit import fit_scales as fit_scales
 from ._follow_frame import begun as begun
+from ._follow_frame import doubt_arises as doubt_arises
 from ._follow_frame import follow_frame as follow_frame
+from ._follow_frame import search_in_doubt as search_in_doubt
 from ._follow_frame import search_is_due as search_is_due
 from ._gaps import before_next as before_next
 from ._gaps import over_gap as over_gap

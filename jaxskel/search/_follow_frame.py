@@ -15,33 +15,110 @@ from ..body import Pose
 from ..refinement.terms import Observed
 from ._fit import Steps, fit_pool
 from ._hypotheses import Hypotheses, Pool, pool_of
-from ._search import Model
-from ._track import best_track, between_searches, follow_scales, state_after, suspicious
+from ._search import Model, cost_threshold
+from ._track import best_track, between_searches, follow_scales, state_after
 from ._track_state import Ongoing, Searched, Track, Tracking
+
+# A pose that costs more than this many times what few frames of the subject cost is not followed any further.
+_ASTRAY = 1.5
+# Steps of a search that began in doubt: in the frame in which it began, which is enough for most, and in each later one.
+_AT_ONCE, _IN_DOUBT = 30, 4
 
 
 def follow_frame(
     model: Model, tracking: Tracking, track: Track, observed: Observed
 ) -> tuple[Hypotheses, Float[np.ndarray, "frames=1"], Track] | None:
-    """Follow the person into one more frame; None where the frame is suspicious, so that it must be searched in.
+    """Follow the person into one more frame; None where the track has gone astray, so that it must be searched in.
 
-    An ongoing search is taken one step on, in every other frame while the track costs what is usual: of 18 searches in
-    nine films none found a better pose. Arguments and results are those of `track_frames`; `observed` is a stack of one
+    An ongoing search is taken on. Arguments and results are those of `track_frames`; `observed` is a stack of one
     frame.
     """
     stack = on_device(observed, 1)
-    offer = None
-    if track.ongoing is not None and not track.hurried:
-        if track.ongoing.rests and track.costs[-1] < np.median(track.costs) + tracking.margin:
-            track = replace(track, ongoing=replace(track.ongoing, rests=False))
-        else:
-            track, offer = search_on(model, tracking, track, stack)
-    nothing = pool_of(jax.tree.map(lambda a: np.asarray(a)[None, None], track.last), np.zeros(1, int))
-    found = best_track(model, tracking, track, nothing if offer is None else offer, stack)
-    if offer is None and suspicious(model, track, found).any():
+    track, offer = _searched_on(model, tracking, track, stack, _steps(tracking, track))
+    found = _followed(model, tracking, track, stack, offer)
+    if found.cost[0, 0] > _ASTRAY * _unusual(track):
         return None
-    after = replace(state_after(track, found, track.since + 1, track.sides), ongoing=track.ongoing)
-    return found, np.array([track.sides]), after
+    return _result(track, found, track.ongoing)
+
+
+def search_in_doubt(
+    model: Model,
+    tracking: Tracking,
+    track: Track,
+    followed: tuple[Hypotheses, Float[np.ndarray, "frames=1"], Track],
+    steps: Steps[Searched],
+    observed: Observed,
+) -> tuple[Hypotheses, Float[np.ndarray, "frames=1"], Track]:
+    """Begin a search in a frame that the person was followed into with doubt, and take the better pose.
+
+    Args:
+        model: The subject.
+        tracking: Settings of tracking.
+        track: State after the frame before.
+        followed: Result of `follow_frame`.
+        steps: The search; where it does not end soon, it goes on in the next frames.
+        observed: A stack of this frame.
+    """
+    stack = on_device(observed, 1)
+    after, offer = _searched_on(model, tracking, begun(followed[2], followed[0], steps), stack, _AT_ONCE)
+    if offer is None:
+        return followed[0], np.array([after.sides]), after
+    track = replace(track, since=after.since - 1, sides=after.sides)
+    return _result(track, _followed(model, tracking, track, stack, offer), after.ongoing)
+
+
+def _followed(model: Model, tracking: Tracking, track: Track, stack: Observed, offer: Pool | None) -> Hypotheses:
+    """The pose that follows, or the one that is offered."""
+    if offer is None:
+        offer = pool_of(jax.tree.map(lambda a: np.asarray(a)[None, None], track.last), np.zeros(1, int))
+    return best_track(model, tracking, track, offer, stack)
+
+
+def _result(
+    track: Track, found: Hypotheses, ongoing: Ongoing | None
+) -> tuple[Hypotheses, Float[np.ndarray, "frames=1"], Track]:
+    after = state_after(track, found, track.since + 1, track.sides)
+    return found, np.array([track.sides]), replace(after, ongoing=ongoing)
+
+
+def _searched_on(
+    model: Model, tracking: Tracking, track: Track, stack: Observed, steps: int
+) -> tuple[Track, Pool | None]:
+    """Take some steps of the ongoing search; at its end, what it offers, see `search_on`."""
+    if track.ongoing is not None:
+        track = replace(track, ongoing=replace(track.ongoing, rested=steps == 0))
+    offer = None
+    for _ in range(steps):
+        if track.ongoing is not None:
+            track, offer = search_on(model, tracking, track, stack)
+    return track, offer
+
+
+def _steps(tracking: Tracking, track: Track) -> int:
+    """Steps of the ongoing search in the next frame.
+
+    While the track costs what is usual, the search rests in every other frame: of 18 searches in nine films none found
+    a better pose.
+    """
+    if track.ongoing is None or track.hurried:
+        return 0
+    if track.ongoing.in_doubt:
+        return _IN_DOUBT
+    return int(track.ongoing.rested or track.costs[-1] > np.median(track.costs) + tracking.margin)
+
+
+def _unusual(track: Track) -> float:
+    """Cost that few frames of the subject exceed."""
+    return cost_threshold(float(np.median(track.costs)))
+
+
+def _in_doubt(track: Track) -> bool:
+    return bool(track.costs[-1] > _unusual(track))
+
+
+def doubt_arises(tracking: Tracking, fps: float, track: Track) -> bool:
+    """Whether the last frame cost more than is usual, and no search has begun lately."""
+    return not track.hurried and _in_doubt(track) and track.since >= between_searches(tracking, fps)
 
 
 def search_is_due(tracking: Tracking, fps: float, track: Track) -> bool:
@@ -52,7 +129,7 @@ def search_is_due(tracking: Tracking, fps: float, track: Track) -> bool:
 def begun(track: Track, found: Hypotheses, steps: Steps[Searched]) -> Track:
     """The same track with a search in its last frame, of which `found` are the hypotheses, that has begun."""
     pose = jax.tree.map(lambda a: a[0], found.best)
-    return replace(track, since=0, ongoing=Ongoing(steps, pose, float(found.cost[0, 0])))
+    return replace(track, since=0, ongoing=Ongoing(steps, pose, float(found.cost[0, 0]), _in_doubt(track)))
 
 
 def search_on(model: Model, tracking: Tracking, track: Track, stack: Observed) -> tuple[Track, Pool | None]:
@@ -68,7 +145,7 @@ def search_on(model: Model, tracking: Tracking, track: Track, stack: Observed) -
     except StopIteration as end:
         found: Searched = end.value
     else:
-        return replace(track, ongoing=replace(track.ongoing, rests=True)), None
+        return track, None
     track = replace(track, sides=found.sides, ongoing=None)
     if found.cost > cost - tracking.margin:
         return track, None

@@ -40,8 +40,10 @@ class Ongoing:
     """Pose of the track in the frame that is searched in."""
     cost: float
     """Its cost."""
-    rests: bool = False
-    """Whether it rests in the next frame, unless that is needed, see `follow_frame`."""
+    in_doubt: bool = False
+    """Whether it began because the track cost more than is usual; it goes faster then."""
+    rested: bool = True
+    """Whether it rested in the last frame."""
 
 
 class Track(eqx.Module):
