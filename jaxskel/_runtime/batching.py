@@ -9,7 +9,11 @@ from jaxtyping import Bool, Int
 
 def single_precision(tree: Any) -> Any:
     """Arrays in the precision of JAX's computations, so that the caller's precision does not cause a recompilation."""
-    return jax.tree.map(lambda a: a if a.dtype.kind in "bi" or a.dtype == np.float32 else np.asarray(a, np.float32), tree)
+
+    def single(a: Any) -> Any:
+        return a if a.dtype.kind in "bi" or a.dtype == np.float32 else np.asarray(a, np.float32)
+
+    return jax.tree.map(single, tree)
 
 
 # XLA uses memory aligned to this many bytes without copying it.

@@ -17,6 +17,7 @@ from ._max_misses import most_misses as most_misses
 from ._people import find_people as find_people
 from ._people import observed_edge as observed_edge
 from ._projection_table import ProjectionTable as ProjectionTable
+from ._projection_table import projecting as projecting
 from ._projection_table import projection_table as projection_table
 from ._reproject import agreement as agreement
 from ._reproject import reproject as reproject

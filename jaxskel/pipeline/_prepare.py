@@ -6,6 +6,7 @@ from functools import partial
 import equinox as eqx
 import numpy as np
 
+from .._runtime.steps import Steps, finished
 from ..body import Skeleton, default_adult, flesh_prior, make_body, people_prior
 from ..cameras import Cameras
 from ..graph import SkeletalGraph
@@ -16,7 +17,7 @@ from ..hull import (
     make_grid,
     observed_edge,
     place_grid,
-    projection_table,
+    projecting,
 )
 from ..matching import estimate_stature
 from ..recording import Recording, Silhouettes, find_empty_views, rotation_to_z_up, silhouette_areas
@@ -87,9 +88,14 @@ def place(
 
 def with_grid(prepared: Prepared, grid: VoxelGrid, size: tuple[int, int], settings: Settings) -> Prepared:
     """The same with another grid, projected into the cameras; `size` is the silhouettes' height and width (px)."""
+    return finished(changing_grid(prepared, grid, size, settings))
+
+
+def changing_grid(prepared: Prepared, grid: VoxelGrid, size: tuple[int, int], settings: Settings) -> Steps[Prepared]:
+    """As `with_grid`, in steps."""
     # Each camera that may miss a voxel is compensated by one more camera that must see it.
     views = _min_views(settings, prepared.cameras) + prepared.max_misses
-    table = projection_table(prepared.cameras, grid, *size, views)
+    table = yield from projecting(prepared.cameras, grid, *size, views)
     return replace(prepared, table=table, edge=observed_edge(table.observed.reshape(grid.shape)))
 
 

@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 
 from .._math.gaussians import deviation_for
 from .._runtime.batching import length_of, on_device, padded, single_precision, take
+from .._runtime.steps import Steps
 from ..body import JOINT_NAMES, Body, Pose, Skeleton, place_joints
 from ..graph import SkeletalGraph, forest_of
 from ..hull import FRAMES_PER_WORD, Seen, Stopwatch, middles_of_people
@@ -23,7 +24,6 @@ from ..search import (
     Proposed,
     Search,
     Searched,
-    Steps,
     Track,
     Uncertainty,
     begun,
@@ -183,7 +183,7 @@ def _by_following(
         return found.seen, None, track
     found = look_at_outlines(found, prepared, stopwatch, np.asarray(track.last.root)[None])
     assert found.outlines is not None
-    observed = on_device(found.outlines.observed, 1)
+    observed, seen = on_device(found.outlines.observed, 1), found.seen
     model = prepared.model or make_model(prepared.body)
 
     def steps() -> Steps[Searched]:
@@ -203,15 +203,14 @@ def _by_following(
             return None
         if due:
             followed = *followed[:2], begun(followed[2], followed[0], steps())
-        elif doubt_arises(tracking, fps, followed[2]):
+        elif not track.hurried and doubt_arises(tracking, fps, followed[2]):
             found = observe_batch(
                 silhouettes, prepared, settings, label=False, outlines=False, stopwatch=stopwatch, at_once=1
             )  # fmt: skip
-            if len(found.seen.frames) == 0:
-                return found.seen, None, followed[2]
-            followed = search_in_doubt(model, tracking, track, followed, steps(), observed)
+            if len(found.seen.frames):
+                followed = search_in_doubt(model, tracking, track, followed, steps(), observed)
         hypotheses, sides, track = followed
-        return found.seen, _start_from(hypotheses, observed, sides, prepared), track
+        return seen, _start_from(hypotheses, observed, sides, prepared), track
 
 
 def _start_from(

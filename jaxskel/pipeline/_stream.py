@@ -14,9 +14,9 @@ from ..cameras import Cameras
 from ..hull import body_middles
 from ..poses import Poses, Status
 from ..recording import MIN_VIEWS, Recording, find_empty_views, rotation_to_z_up, silhouette_areas
-from ..search import Track, Tracking, before_next, hurried, lost, over_gap
+from ..search import Track, Tracking, before_next, hurried, lost, over_gap, search_is_due
 from ._better_subject import BetterSubject
-from ._following_grid import grid_around, is_left
+from ._moving_grid import MovingGrid, grid_around
 from ._prepare import place, with_grid, with_model, with_subject
 from ._prepared import Prepared
 from ._reconstruct import reconstruct_batch
@@ -89,6 +89,7 @@ class Stream:
         self._prepared: Prepared | None = None
         self._track: Track | None = None
         self._middle: np.ndarray | None = None  # of the person in the frame before (m, z up)
+        self._moving = MovingGrid(settings)
         self._count = 0
         self._put_off = 0  # successive frames in which searches were put off
         self._for_body: tuple[Body, Settings] | None = None
@@ -192,14 +193,15 @@ class Stream:
         return self._prepared
 
     def _follow(self, silhouettes: UInt8[np.ndarray, "frames=1 cams h w8"]) -> None:
-        """Move the grid if the person has left its middle."""
+        """Move the grid if the person leaves its middle."""
         prepared = self._prepared
         if self._settings.hull.box is not None or prepared is None or prepared.table is None:
             return
         middle = _middle(silhouettes, prepared.cameras) if self._middle is None else self._middle
-        if middle is not None and is_left(prepared.table.grid, middle):
-            grid = grid_around(middle, self._settings.hull.spacing)
-            self._prepared = with_grid(prepared, grid, prepared.table.size, self._settings)
+        if middle is not None:
+            track, tracking = self._track, self._settings.tracking
+            carved = track is None or tracking is None or search_is_due(tracking, self._empty.fps, track)
+            self._prepared = self._moving.followed(prepared, middle, carved)
 
     def _improve(self, better: Prepared | None) -> None:
         """Take a better subject, with the grid of before; costs of the other body tell nothing about it."""
@@ -209,6 +211,7 @@ class Stream:
         table = before.table
         self._prepared = self._ready(replace(better, table=table, edge=before.edge))
         if better.max_misses != before.max_misses:
+            self._moving.stay()
             self._prepared = with_grid(self._prepared, table.grid, table.size, self._settings)
         self._found = True
         if self._track is not None:

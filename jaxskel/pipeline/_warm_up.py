@@ -10,7 +10,7 @@ from ..body import Body, Skeleton, default_adult, make_body, place_body
 from ..cameras import Cameras, make_cameras
 from ..hull import carve, most_misses, projection_table
 from ..synthetic import camera_ring, demo_motion, render
-from ._following_grid import grid_around
+from ._moving_grid import grid_around
 from ._settings import Settings
 from ._stream import Stream, streaming
 

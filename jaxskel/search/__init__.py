@@ -7,7 +7,6 @@ or tracked from frame to frame.
 from ._ahead import any_poses as any_poses
 from ._ahead import fits_ahead as fits_ahead
 from ._ahead import limbs_ahead as limbs_ahead
-from ._fit import Steps as Steps
 from ._fit import fit_poses as fit_poses
 from ._fit import fit_scales as fit_scales
 from ._follow_frame import begun as begun

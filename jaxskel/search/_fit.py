@@ -1,12 +1,11 @@
 """Fit batches of hypotheses: all take the same number of steps, in chunks of a fixed size.
 
-What takes long is written as generators that pause after each chunk, so that a search may last over several frames of a
-stream. `finished` runs one to its end.
+What takes long pauses after each chunk, see `Steps`: a search may last over several frames of a stream.
 """
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from concurrent.futures import Executor
-from typing import Any, TypeVar
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -16,15 +15,12 @@ from jaxtyping import Array, Float, Int
 
 from .._runtime.batching import length_of, on_device, take
 from .._runtime.compile_cache import cached_jit
+from .._runtime.steps import Steps, finished
 from ..body import Body, Pose
 from ..refinement.parametrisations import HingedLimbs
 from ..refinement.terms import Observed, place, volume_objective
 from ._gauss_newton import descend
 from ._hypotheses import Hypotheses, Pool, pool_of
-
-T = TypeVar("T")
-Steps = Generator[None, None, T]
-"""Work in steps; its value is the result."""
 
 _HINGED = HingedLimbs()
 _MOST_STEPS = 16  # length of the array of scales, fixed so that other step counts do not compile again
@@ -64,15 +60,6 @@ def fitting(body: Body, pool: Pool, stack: Observed, scales: Scales) -> Steps[Po
     sizes = _ALONE if length_of(stack) == 1 else (AT_ONCE,)
     poses, cost = yield from in_chunks(lambda poses, frames: _fitted(body, poses, frames, stack, scales), pool, sizes)
     return Pool(pool.frame, poses, cost)
-
-
-def finished(steps: Steps[T]) -> T:
-    """The result of some work, all steps of it at once."""
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            return end.value
 
 
 def fit_ahead(threads: Executor, body: Body, poses: Pose, stack: Observed) -> None:

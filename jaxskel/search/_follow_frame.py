@@ -11,9 +11,10 @@ import numpy as np
 from jaxtyping import Float
 
 from .._runtime.batching import on_device
+from .._runtime.steps import Steps
 from ..body import Pose
 from ..refinement.terms import Observed
-from ._fit import Steps, fit_pool
+from ._fit import fit_pool
 from ._hypotheses import Hypotheses, Pool, pool_of
 from ._search import Model, cost_threshold
 from ._track import best_track, between_searches, follow_scales, state_after
@@ -21,7 +22,7 @@ from ._track_state import Ongoing, Searched, Track, Tracking
 
 # A pose that costs more than this many times what few frames of the subject cost is not followed any further.
 _ASTRAY = 1.5
-# Steps of a search that began in doubt: in the frame in which it began, which is enough for most, and in each later one.
+# Steps of a search that began in doubt: in the frame in which it began, which is enough for most, and in later ones.
 _AT_ONCE, _IN_DOUBT = 30, 4
 
 
@@ -118,7 +119,7 @@ def _in_doubt(track: Track) -> bool:
 
 def doubt_arises(tracking: Tracking, fps: float, track: Track) -> bool:
     """Whether the last frame cost more than is usual, and no search has begun lately."""
-    return not track.hurried and _in_doubt(track) and track.since >= between_searches(tracking, fps)
+    return _in_doubt(track) and track.since >= between_searches(tracking, fps)
 
 
 def search_is_due(tracking: Tracking, fps: float, track: Track) -> bool:

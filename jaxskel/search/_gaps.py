@@ -27,7 +27,12 @@ def before_next(track: Track, skipped: int) -> Track:
 
 
 def over_gap(before: Track, after: Track, skipped: int) -> Track:
-    """The track `after` a frame that was followed over a gap, from `before` the gap, with the velocity of one frame."""
+    """The track `after` a frame that was followed over a gap, from `before` the gap, with the velocity of one frame.
+
+    A person who was found anew after the gap has no velocity.
+    """
+    if np.array_equal(after.last.root, after.before.root):
+        return after
     (root, rotations), (end_root, end) = _parts(before.last), _parts(after.last)
     share = skipped / (skipped + 1)
     turn = Rotation.from_matrix(end @ rotations.swapaxes(-1, -2)).as_rotvec()

@@ -14,9 +14,10 @@ from jaxtyping import Array, Int
 
 from .._runtime.batching import length_of, on_device, single_precision, take
 from .._runtime.compile_cache import quickly_compiled
+from .._runtime.steps import Steps, finished
 from ..body import BALL_NAMES, LINKS, SEGMENT_NAMES, Body, Pose, Skeleton, limb_capsules, place_joints
 from ..refinement.terms import Objective, Observed, volume_objective
-from ._fit import Steps, finished, fit_scales, fitting, in_chunks
+from ._fit import fit_scales, fitting, in_chunks
 from ._hypotheses import Hypotheses, Pool, pool_of, select_distinct
 from ._limb_search import Limb, Scored, best_pairs, best_single, make_limb, score_limb, unexplained, with_limb, without
 from ._start_poses import other_ways

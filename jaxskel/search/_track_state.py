@@ -7,8 +7,8 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
+from .._runtime.steps import Steps
 from ..body import Pose
-from ._fit import Steps
 
 
 class Tracking(eqx.Module):

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import equinox as eqx
+import jax
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -15,11 +16,13 @@ from jaxskel.search import (
     Searched,
     Track,
     Tracking,
+    doubt_arises,
     follow_frame,
     hurried,
     lost,
     make_model,
     must_be_found,
+    search_in_doubt,
     search_is_due,
 )
 from jaxskel.search._follow_frame import search_on
@@ -54,7 +57,8 @@ def test_a_search_is_put_off_in_a_hurry(filmed):
     for _ in range(4):  # more than the search has steps
         followed = follow_frame(make_model(BODY), Tracking(), hurried(track), stack)
         assert followed is not None
-        assert followed[2].ongoing is track.ongoing
+        assert followed[2].ongoing is not None
+        assert followed[2].ongoing.steps is track.ongoing.steps
     assert next(track.ongoing.steps) is None
 
 
@@ -65,16 +69,20 @@ def found_at(pose: Pose, cost: float):
     return Searched(pose, cost, 0.9)
 
 
+def raised_arm(pose: Pose) -> Pose:
+    """The pose with the right arm turned by 170 degrees."""
+    raised = [SEGMENT_NAMES.index(f"r_{name}") for name in ("upper_arm", "forearm", "hand")]
+    rotations = np.array(pose.rotations)
+    rotations[raised] = Rotation.from_euler("y", 170, degrees=True).as_matrix() @ rotations[raised]
+    return Pose(pose.root, rotations)
+
+
 @pytest.mark.parametrize(("cost", "better"), [(3.0, True), (98.5, False)])
 def test_what_a_search_found_is_carried_to_the_frame_that_has_come(filmed, cost, better):
-    model, up = make_model(BODY), Rotation.from_euler("y", 170, degrees=True).as_matrix()
+    model = make_model(BODY)
 
     def wrong(frame: int) -> Pose:
-        pose = some(filmed.truth, frame)
-        raised = [SEGMENT_NAMES.index(f"r_{name}") for name in ("upper_arm", "forearm", "hand")]
-        rotations = np.array(pose.rotations)
-        rotations[raised] = up @ rotations[raised]
-        return Pose(pose.root, rotations)
+        return raised_arm(some(filmed.truth, frame))
 
     ongoing = Ongoing(found_at(some(filmed.truth, 2), cost), wrong(2), 100.0)
     track = Track(wrong(5), wrong(4), 0, np.full(30, 3.0), 0.5, ongoing)
@@ -91,7 +99,44 @@ def test_what_a_search_found_is_carried_to_the_frame_that_has_come(filmed, cost,
         assert np.linalg.norm(joints_of(offer.poses)[0] - filmed.joints[6], axis=-1).max() < 0.08
 
 
-def test_a_walk_is_followed_and_a_jump_is_suspicious(filmed):
+@pytest.mark.parametrize(("cost", "frames"), [(3.0, 5), (6.0, 3)])
+def test_a_search_rests_in_every_other_frame_while_all_is_as_usual(filmed, cost, frames):
+    """The search has three steps; the second cost is above the usual one by more than the margin."""
+    pose = some(filmed.truth, 5)
+    costs = np.append(np.full(30, 3.0), cost)
+    track = Track(pose, some(filmed.truth, 4), 0, costs, 0.5, Ongoing(found_at(pose, 200.0), pose, 3.0))
+    stack = on_device(some(filmed.observed, [6]), 1)
+    taken = 0
+    while track.ongoing is not None:
+        followed = follow_frame(make_model(BODY), Tracking(), replace(track, costs=costs), stack)
+        assert followed is not None
+        track = followed[2]
+        taken += 1
+    assert taken == frames
+
+
+def test_doubt_is_searched_for_at_once(filmed):
+    model, truth = make_model(BODY), some(filmed.truth, 6)
+    before = Track(some(filmed.truth, 5), some(filmed.truth, 4), 9, np.full(30, 3.0))
+    stack = on_device(some(filmed.observed, [6]), 1)
+    followed = follow_frame(model, Tracking(), before, stack)
+    assert followed is not None
+    assert not doubt_arises(Tracking(), FPS, followed[2])
+    raised = raised_arm(followed[2].last)
+    doubtful = replace(followed[2], last=raised, costs=np.append(before.costs, 15.0))
+    assert doubt_arises(Tracking(), FPS, doubtful)
+    assert not doubt_arises(Tracking(), FPS, replace(doubtful, since=2))
+    wrong = replace(followed[0], poses=jax.tree.map(lambda a: a[None, None], raised), cost=np.full((1, 1), 15.0))
+    found, sides, after = search_in_doubt(
+        model, Tracking(), before, (wrong, followed[1], doubtful), found_at(truth, 3.0), stack
+    )  # fmt: skip
+    assert after.ongoing is None
+    assert after.since == 0
+    assert sides == [0.9]
+    assert np.linalg.norm(joints_of(found.best)[0] - filmed.joints[6], axis=-1).max() < 0.08
+
+
+def test_a_walk_is_followed_and_a_jump_is_astray(filmed):
     model, track = make_model(BODY), Track(some(filmed.truth, 0), some(filmed.truth, 0), 0, np.full(30, 3.0))
     for frame in range(1, 5):
         found = follow_frame(model, Tracking(), track, on_device(some(filmed.observed, [frame]), 1))

@@ -48,3 +48,8 @@ def test_after_a_gap_the_velocity_is_that_of_one_frame(skipped):
     # The rotations are straight ones.
     product = found.before.rotations @ found.before.rotations.swapaxes(1, 2)
     np.testing.assert_allclose(product, np.tile(np.eye(3), (17, 1, 1)), atol=1e-5)
+
+
+def test_who_is_found_anew_after_a_gap_has_no_velocity():
+    after = track_of(9, 9)
+    assert over_gap(track_of(7, 6), after, 1) is after
