@@ -29,6 +29,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
+from .compilations import COMPILATIONS
 from .compiler_options import QUICK, accepted
 from .program_files import read_program, read_same_program, usable, write_program
 
@@ -128,7 +129,11 @@ class CachedJit(Generic[P, R]):
         if not usable(own):
             return None
         path = own / f"{self._name}-{digest[:32]}"
-        return read_program(path, sum(map(_is_array, leaves))) or self._compile(path, leaves, structure)
+        program = read_program(path, sum(map(_is_array, leaves)))
+        if program is None:
+            with COMPILATIONS.one_more():
+                program = self._compile(path, leaves, structure)
+        return program
 
     def _compile(self, path: Path, leaves: list, structure: Any) -> Callable[[list[Any]], R]:
         structures = []

@@ -6,8 +6,19 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TaskID,
+    TextColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text
 
+from .._runtime.compilations import COMPILATIONS
 from ..pipeline import Prepared, Settings, prepare, reconstruct_batches, reconstruct_parallel
 from ..poses import Poses, join_poses
 from ..recording import Recording
@@ -50,11 +61,19 @@ class StageTimes:
         return text
 
 
+class _Compiling(ProgressColumn):
+    """Says what takes so long the first time."""
+
+    def render(self, task: Task) -> Text:
+        """The number of programs that are compiled."""
+        return Text(str(COMPILATIONS))
+
+
 def progress_bar(what: str, total: int) -> tuple[Progress, TaskID]:
     """A progress bar on standard error, so that the output stays clean for scripts."""
     progress = Progress(
         TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
-        console=Console(stderr=True), refresh_per_second=2,
+        _Compiling(), console=Console(stderr=True), refresh_per_second=2,
     )  # fmt: skip
     return progress, progress.add_task(what, total=total)
 
@@ -63,7 +82,7 @@ def reconstruct_with_progress(
     recording: Recording, settings: Settings, times: StageTimes, jobs: int = 1
 ) -> tuple[Poses, Prepared]:
     """Reconstruct a recording behind a progress bar."""
-    progress, task = progress_bar("compiling, fitting the body", len(recording))
+    progress, task = progress_bar("fitting the body", len(recording))
     with progress:
         with times("prepare"):
             prepared = prepare(recording, settings)

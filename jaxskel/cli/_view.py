@@ -49,7 +49,7 @@ def view(
         check_output_file(save, inputs)
     recording, found = read_recording(source), None if poses is None else read_poses(poses)
     chosen = _slice(frames, recording)
-    progress, task = progress_bar("compiling, carving", len(recording))
+    progress, task = progress_bar("carving", len(recording))
 
     def on_frame(done: int, total: int) -> None:
         progress.update(task, description="carving, logging", completed=done, total=total)

@@ -6,6 +6,7 @@ as for the largest one.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -43,16 +44,16 @@ class Forest:
         """Mask of the nodes that are not padding."""
         return np.arange(self.parents.shape[1]) < self.count[:, None]
 
-    @property
+    @cached_property
     def edge_lengths(self) -> Float[np.ndarray, "trees nodes"]:
         """Distance of each node from its parent (m); 0 for the root."""
         starts = np.take_along_axis(self.positions, self.parents[..., None], 1)
         return np.where(self.real, np.linalg.norm(self.positions - starts, axis=-1), 0.0)
 
-    @property
+    @cached_property
     def depths(self) -> Float[np.ndarray, "trees nodes"]:
         """Geodesic distance of each node from the root (m)."""
-        rows, depth = np.arange(len(self.parents)), self.edge_lengths
+        rows, depth = np.arange(len(self.parents)), self.edge_lengths.copy()
         for node in range(1, depth.shape[1]):
             depth[:, node] += depth[rows, self.parents[:, node]]
         return depth

@@ -1,6 +1,7 @@
 """Geodesic descriptors of graphs and template (Eq. 1 and 5): ragged graphs (NumPy) become padded arrays (JAX)."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import equinox as eqx
 import numpy as np
@@ -48,10 +49,17 @@ def template_geodesics(skeleton: Skeleton) -> Float[np.ndarray, "nodes=20 ends=5
 
     Rows 15 to 19 are D' (Eq. 1 for the template G'); the rows of pelvis and neck are F_G' (Eq. 5).
     """
-    joints, tips = np.asarray(skeleton.rest_joints), np.asarray(skeleton.rest_tips)
-    positions = np.concatenate([joints, tips])
-    tree = SkeletalGraph(positions, np.array(JOINT_PARENTS + TIP_PARENTS), np.zeros(20))
-    return tree.geodesics(np.arange(15, 20)).astype(np.float32)
+    positions = np.concatenate([np.asarray(skeleton.rest_joints), np.asarray(skeleton.rest_tips)])
+    return _along_bones(positions.astype(float).tobytes())
+
+
+@lru_cache(maxsize=16)
+def _along_bones(positions: bytes) -> Float[np.ndarray, "nodes=20 ends=5"]:
+    """Every frame of a stream asks for the distances of the same template."""
+    tree = SkeletalGraph(np.frombuffer(positions).reshape(20, 3), np.array(JOINT_PARENTS + TIP_PARENTS), np.zeros(20))
+    found = tree.geodesics(np.arange(15, 20)).astype(np.float32)
+    found.flags.writeable = False
+    return found
 
 
 def template_ends(skeleton: Skeleton) -> Float[np.ndarray, "ends=5 ends=5"]:

@@ -43,8 +43,8 @@ class Stream:
 
     It does what `reconstruct` does, with stacks of one frame. A grid of a fixed size goes with the person. With
     tracking, the default, hulls are carved only where the person must be found: at the start, at intervals, and in
-    frames that look suspicious. Between those, a second person or a person partly outside shows only by a pose that
-    explains the silhouettes badly.
+    frames that cost more than is usual. Between those, a second person or a person partly outside shows only by a pose
+    that explains the silhouettes badly.
 
     A frame without a person, or with one who cannot be reconstructed, has a status that says why, and the next one is
     searched in.
