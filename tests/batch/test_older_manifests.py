@@ -5,7 +5,7 @@ import json
 
 import pytest
 
-from jaxskel import HullSettings, Settings, paper_settings
+from jaxskel import HullSettings, RefinementSettings, Settings, paper_settings
 from jaxskel._runtime.code_digest import digest_of_sources
 from jaxskel.batch import Method
 from jaxskel.batch import _older_manifests as older
@@ -39,7 +39,9 @@ FLAT = {
 
 
 def test_flat_settings_are_those_of_today():
-    today = Method(Settings(hull=HullSettings(spacing=0.02), tracking=Tracking())).described
+    # That version looked correspondences up twice.
+    settings = Settings(hull=HullSettings(spacing=0.02), tracking=Tracking(), refinement=RefinementSettings(rounds=2))
+    today = Method(settings).described
     assert older.modern_method({"settings": FLAT, "smooth_hz": None}) == today
     assert older.modern_method({"settings": FLAT | {"spacing": 0.015}, "smooth_hz": None}) != today
 
