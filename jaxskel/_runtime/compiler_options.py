@@ -8,8 +8,8 @@ import jax.numpy as jnp
 
 QUICK = {"xla_cpu_use_fusion_emitters": False}
 """XLA for CPUs has two emitters of code. The older one compiles in half the time. For these programs it makes code as
-fast: scores of limbs, the linearised body, turned poses, unexplained outlines (`crowd_08`: 49 s of compilation become
-26 s). Fits and the refinement take twice as long with it."""
+fast: scores of limbs, the linearised body, turned poses, words and blocks of pixels (`crowd_08`: 49 s of compilation
+become 26 s). Fits and the refinement take twice as long with it, unexplained outlines of a single frame three times."""
 
 
 def accepted(options: dict[str, Any]) -> dict[str, Any]:

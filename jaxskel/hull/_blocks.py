@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int, UInt
 
-from .._runtime.compile_cache import cached_jit
+from .._runtime.compile_cache import quickly_compiled
 from ._frame_bits import CELL, all_frames, in_place
 
 EDGE = 4
@@ -123,7 +123,7 @@ def find_footprints(pixels: Int[np.ndarray, "blocks inner"], height: int, width:
     return found
 
 
-@cached_jit
+@quickly_compiled
 def pooled(
     words: UInt[Array, "cams rows columns"],
     corner: Int[Array | np.ndarray, "cams 2"],

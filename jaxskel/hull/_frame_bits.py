@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Int, UInt, UInt8
 
 from .._runtime.batching import step_above
-from .._runtime.compile_cache import cached_jit
+from .._runtime.compile_cache import quickly_compiled
 from .._runtime.materialise import computed_once
 
 FRAMES_PER_WORD = 32
@@ -67,7 +67,7 @@ def cut_windows(packed: UInt8[np.ndarray, "frames cams h w8"], empty_views: Bool
     return Windows(windows, corner, np.bitwise_or.reduce(blank, 0))
 
 
-@cached_jit
+@quickly_compiled
 def frame_words(windows: Windows) -> UInt[Array, "cams rows columns"]:
     """Transpose the packed bits of 32 frames into one word per pixel; those of one frame need not be transposed."""
     cams, rows, columns = windows.packed.shape[1:]
@@ -85,7 +85,7 @@ def frame_words(windows: Windows) -> UInt[Array, "cams rows columns"]:
     return (jnp.stack(words, -1) | blank[:, None, None]).reshape(cams, rows, 8 * columns)
 
 
-@cached_jit
+@quickly_compiled
 def listed(
     words: UInt[Array, "cams rows columns"], blank: UInt[Array | np.ndarray, " cams"]
 ) -> UInt[Array, "cams places"]:
