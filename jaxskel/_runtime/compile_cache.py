@@ -89,7 +89,7 @@ class CachedJit(Generic[P, R]):
             return None, []
         arrays, rest, numbers = [], [], []
         for leaf in leaves:
-            number = isinstance(leaf, _ARRAYS)
+            number = _is_array(leaf)
             numbers.append(number)
             if number:
                 arrays.append(leaf)

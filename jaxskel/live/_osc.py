@@ -3,7 +3,7 @@
 import socket
 from types import TracebackType
 
-import numpy as np
+import equinox as eqx
 
 from ..body import Skeleton
 from ..io.poses import TPose, t_pose_of
@@ -76,7 +76,8 @@ class OscSender:
             self.lost += 1
 
     def _t_pose_of(self, skeleton: Skeleton) -> TPose:
-        if self._template is None or not _same(self._template[0], skeleton):
+        # Compared by their dimensions: each frame brings an object of its own.
+        if self._template is None or not eqx.tree_equal(self._template[0], skeleton):
             self._template = skeleton, t_pose_of(skeleton)
         return self._template[1]
 
@@ -91,9 +92,3 @@ class OscSender:
         self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
     ) -> None:
         self.close()
-
-
-def _same(one: Skeleton, other: Skeleton) -> bool:
-    """Whether two skeletons have the same dimensions: each frame brings an object of its own."""
-    pairs = (one.rest_joints, other.rest_joints), (one.rest_tips, other.rest_tips)
-    return all(np.array_equal(a, b) for a, b in pairs)

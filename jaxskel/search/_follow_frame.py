@@ -25,10 +25,11 @@ _ASTRAY = 1.5
 # Steps of a search that began in doubt: in the frame in which it began, which is enough for most, and in later ones.
 _AT_ONCE, _IN_DOUBT = 30, 4
 
+Followed = tuple[Hypotheses, Float[np.ndarray, "frames=1"], Track]
+"""The same as `track_frames` returns: the pose, the confidence in left and right, and the new state."""
 
-def follow_frame(
-    model: Model, tracking: Tracking, track: Track, observed: Observed
-) -> tuple[Hypotheses, Float[np.ndarray, "frames=1"], Track] | None:
+
+def follow_frame(model: Model, tracking: Tracking, track: Track, observed: Observed) -> Followed | None:
     """Follow the person into one more frame; None where the track has gone astray, so that it must be searched in.
 
     An ongoing search is taken on. Arguments and results are those of `track_frames`; `observed` is a stack of one
@@ -46,10 +47,10 @@ def search_in_doubt(
     model: Model,
     tracking: Tracking,
     track: Track,
-    followed: tuple[Hypotheses, Float[np.ndarray, "frames=1"], Track],
+    followed: Followed,
     steps: Steps[Searched],
     observed: Observed,
-) -> tuple[Hypotheses, Float[np.ndarray, "frames=1"], Track]:
+) -> Followed:
     """Begin a search in a frame that the person was followed into with doubt, and take the better pose.
 
     Args:
@@ -75,9 +76,7 @@ def _followed(model: Model, tracking: Tracking, track: Track, stack: Observed, o
     return best_track(model, tracking, track, offer, stack)
 
 
-def _result(
-    track: Track, found: Hypotheses, ongoing: Ongoing | None
-) -> tuple[Hypotheses, Float[np.ndarray, "frames=1"], Track]:
+def _result(track: Track, found: Hypotheses, ongoing: Ongoing | None) -> Followed:
     after = state_after(track, found, track.since + 1, track.sides)
     return found, np.array([track.sides]), replace(after, ongoing=ongoing)
 
