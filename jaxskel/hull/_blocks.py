@@ -9,19 +9,16 @@ from collections.abc import Sequence
 from functools import reduce
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Int, UInt
+from jaxtyping import Int, UInt
 
-from .._runtime.compile_cache import quickly_compiled
-from ._frame_bits import CELL, all_frames, in_place
+from ._frame_bits import CELL, all_frames
 
 EDGE = 4
 """Voxels along the edge of a block."""
 INNER = EDGE**3
 """Voxels per block. Data of single voxels are stored block by block, because carving reads them that way."""
-# Edge lengths of image cells (px), fine to coarse. The footprint of a block covers 2 x 2 cells of one of these sizes.
+# Edge lengths of image cells (px), each twice the one before. The footprint of a block covers 2 x 2 cells of a size.
 _CELLS = tuple(CELL * times for times in (1, 2, 4, 8))
 
 
@@ -123,49 +120,44 @@ def find_footprints(pixels: Int[np.ndarray, "blocks inner"], height: int, width:
     return found
 
 
-@quickly_compiled
 def pooled(
-    words: UInt[Array, "cams rows columns"],
-    corner: Int[Array | np.ndarray, "cams 2"],
-    blank: UInt[Array | np.ndarray, " cams"],
+    cells: UInt[np.ndarray, "cams rows columns"],
+    corner: Int[np.ndarray, "cams 2"],
+    blank: UInt[np.ndarray, " cams"],
     height: int,
     width: int,
-) -> UInt[Array, "cams cells"]:
+) -> UInt[np.ndarray, "cams cells"]:
     """For each cell size and each 2 x 2 cells, named by the upper left one: the frames with any person pixel there.
 
     The last entry stands for places that are not seen; it has all frames.
 
     Args:
-        words: Words of the windows, see `cut_windows`.
+        cells: Words of the windows' smallest cells, see `cell_words`.
         corner: Row and byte of each window in its image.
         blank: Word of all other pixels.
         height: Height of the whole images (px).
         width: Width of the whole images (px).
     """
+    whole = np.empty((len(cells), *_levels(height, width)[0]), cells.dtype)
+    whole[:] = blank[:, None, None]
+    for image, part, (row, column) in zip(whole, cells, corner // [CELL, 1], strict=True):
+        image[row : row + part.shape[0], column : column + part.shape[1]] = part
     levels = []
-    edge = CELL
-    cells = _any_of(_any_of(words, 1, edge), 2, edge)
-    row_and_column = jnp.asarray(corner) // jnp.array([[CELL, 1]])
-    cells = in_place(cells, row_and_column, blank, *_levels(height, width)[0])
-    for cell in _CELLS:
-        cells, edge = _any_of(_any_of(cells, 1, cell // edge), 2, cell // edge), cell
-        two = cells | jnp.pad(cells[:, 1:], ((0, 0), (0, 1), (0, 0)))
-        two |= jnp.pad(two[:, :, 1:], ((0, 0), (0, 0), (0, 1)))
-        levels.append(two.reshape(len(words), -1))
-    return jnp.concatenate([*levels, jnp.full((len(words), 1), all_frames(words))], 1)
+    for _ in _CELLS:
+        two = whole.copy()
+        two[:, :-1] |= whole[:, 1:]
+        two[:, :, :-1] |= two[:, :, 1:].copy()
+        levels.append(two.reshape(len(two), -1))
+        whole = _twice_as_large(whole)
+    return np.concatenate([*levels, np.full((len(cells), 1), all_frames(cells))], 1)
 
 
 def _levels(height: int, width: int) -> list[tuple[int, int]]:
     return [(-(-height // cell), -(-width // cell)) for cell in _CELLS]
 
 
-def _any_of(cells: UInt[Array, "cams rows columns"], axis: int, count: int) -> UInt[Array, "cams less fewer"]:
-    """OR groups of `count` neighbours along an axis; the last group may be smaller."""
-    length = cells.shape[axis]
-    padding = [(0, 0)] * 3
-    padding[axis] = (0, -length % count)
-    cells = jnp.pad(cells, padding)
-    found = jax.lax.slice_in_dim(cells, 0, None, count, axis)
-    for first in range(1, count):
-        found |= jax.lax.slice_in_dim(cells, first, None, count, axis)
-    return found
+def _twice_as_large(cells: UInt[np.ndarray, "cams rows columns"]) -> UInt[np.ndarray, "cams less fewer"]:
+    """OR 2 x 2 neighbours; the last of a row or column may be alone."""
+    cells = np.pad(cells, [(0, 0), *((0, length % 2) for length in cells.shape[1:])])
+    cells = cells[:, ::2] | cells[:, 1::2]
+    return cells[:, :, ::2] | cells[:, :, 1::2]

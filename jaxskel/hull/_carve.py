@@ -13,7 +13,16 @@ from jaxtyping import Array, Bool, Int, UInt, UInt8
 
 from .._runtime.compile_cache import cached_jit
 from ._blocks import INNER, SomeBlocks, count_blocks, in_grid_order, pooled
-from ._frame_bits import FRAMES_PER_WORD, Windows, cut_windows, frame_words, frames_of, listed, places_of
+from ._frame_bits import (
+    FRAMES_PER_WORD,
+    Windows,
+    cell_words,
+    cells_of_frame,
+    cut_windows,
+    frame_words,
+    frames_of,
+    places_of,
+)
 from ._projection_table import ProjectionTable
 from ._visual_hulls import VisualHulls
 
@@ -22,10 +31,10 @@ _AT_ONCE = 1 << 9  # blocks per call: a fixed number, so that the call compiles 
 
 @cached_jit
 def _carve_blocks(
-    words: UInt[Array, "cams places"], footprints: Int[Array, "cams blocks"], max_misses: int
+    words: UInt[Array | np.ndarray, "cams places"], footprints: Int[Array, "cams blocks"], max_misses: int
 ) -> UInt[Array, " blocks"]:
     """Carve whole blocks like voxels, using the image cells that they project onto."""
-    return _carved(lambda camera: _at(words[camera], footprints[camera]), words.shape[0], max_misses, words.dtype)
+    return _carved(lambda camera: _at(jnp.asarray(words)[camera], footprints[camera]), words.shape[0], max_misses, words.dtype)
 
 
 @cached_jit
@@ -76,18 +85,61 @@ def _at(values: Array, indices: Int[Array, "*places"]) -> Array:
 
 
 def _carve_word(windows: Windows, table: ProjectionTable, max_misses: int) -> SomeBlocks:
-    """Carve a word of frames: first blocks, then the voxels of the rest, a fixed number of blocks at a time."""
-    words = frame_words(windows)
-    where = windows.corner, windows.blank, *table.size
-    blocks = np.asarray(_carve_blocks(pooled(words, *where), table.footprints, max_misses))
+    """Carve a word of frames."""
+    words, extent = frame_words(windows), (windows.packed.shape[2], 8 * windows.packed.shape[3])
+    cells = pooled(cell_words(words, extent), windows.corner, windows.blank, *table.size)
+    on_device, inner = jnp.asarray(words), (table.pixels_of_blocks, table.observed_of_blocks, table.size)
+
+    def carve_some(blocks: Int[np.ndarray, " some"]) -> UInt[Array, "some inner"]:
+        return _carve_some(on_device, windows.corner, extent, *inner, blocks, max_misses)
+
+    return _in_blocks(cells, table, max_misses, carve_some)
+
+
+def _in_blocks(
+    cells: UInt[np.ndarray, "cams cells"],
+    table: ProjectionTable,
+    max_misses: int,
+    carve_some: Callable[[Int[np.ndarray, " some"]], UInt[Array, "some inner"]],
+) -> SomeBlocks:
+    """Carve first blocks, then the voxels of the rest, a fixed number of blocks at a time."""
+    blocks = np.asarray(_carve_blocks(cells, table.footprints, max_misses))
     left = np.flatnonzero(blocks[: count_blocks(table.grid.shape)] != 0).astype(np.int32)
-    some_words, extent = listed(words, windows.blank), (words.shape[1], words.shape[2])
-    inner = table.pixels_of_blocks, table.observed_of_blocks, table.size
-    found: list[np.ndarray] = []
+    found = [np.zeros((0, INNER), cells.dtype)]
     for start in range(0, len(left), _AT_ONCE):
-        some = np.resize(left[start : start + _AT_ONCE], _AT_ONCE)
-        found.append(np.asarray(_carve_some(some_words, windows.corner, extent, *inner, some, max_misses)))
-    return SomeBlocks(left, np.concatenate([np.zeros((0, INNER), windows.blank.dtype), *found])[: len(left)])
+        found.append(np.asarray(carve_some(np.resize(left[start : start + _AT_ONCE], _AT_ONCE))))
+    return SomeBlocks(left, np.concatenate(found)[: len(left)])
+
+
+@cached_jit
+def _carve_some_of_one(
+    packed: UInt8[Array, "cams bytes"],
+    pixels: Int[Array, "cams blocks inner"],
+    observed: Bool[Array, "blocks inner"],
+    blocks: Int[Array | np.ndarray, " some"],
+    max_misses: int,
+) -> UInt8[Array, "some inner"]:
+    """As `_carve_some`, for one frame: the bit of each pixel is looked up where it lies, in a byte of its own row."""
+
+    def words_of(camera: int) -> UInt8[Array, "some inner"]:
+        pixel = _at(pixels[camera], jnp.asarray(blocks))
+        return _at(packed[camera], pixel >> 3) >> (7 - (pixel & 7)).astype(jnp.uint8) & jnp.uint8(1)
+
+    return jnp.where(observed[blocks], _carved(words_of, packed.shape[0], max_misses, packed.dtype), jnp.uint8(0))
+
+
+def _carve_one(
+    packed: UInt8[np.ndarray, "cams h w8"], empty: Bool[np.ndarray, " cams"], table: ProjectionTable, max_misses: int
+) -> SomeBlocks:
+    """Carve one frame, as `_carve_word` does 32 frames: its packed bits are the words."""
+    seen = np.where(empty[:, None, None], np.uint8(0xFF), packed)
+    everywhere = np.zeros((len(packed), 2), np.int32)
+    cells = pooled(cells_of_frame(seen), everywhere, np.zeros(len(packed), np.uint8), *table.size)
+    # One byte more, for places that are not seen.
+    places = np.full((len(packed), seen[0].size + 1), 0xFF, np.uint8)
+    places[:, :-1] = seen.reshape(len(packed), -1)
+    on_device, inner = jnp.asarray(places), (table.pixels_of_blocks, table.observed_of_blocks)
+    return _in_blocks(cells, table, max_misses, lambda some: _carve_some_of_one(on_device, *inner, some, max_misses))
 
 
 def carve(
@@ -114,13 +166,16 @@ def carve(
     found = []
     for start in range(0, frames, at_once):
         part, gone = silhouettes[start : start + at_once], empty_views[start : start + at_once]
-        # Pad to a full word, so that a shorter last batch does not recompile; the padding bits are cleared below.
-        missing = at_once - len(part)
-        if missing:
-            part = np.pad(part, ((0, missing), (0, 0), (0, 0), (0, 0)))
-            gone = np.pad(gone, ((0, missing), (0, 0)))
-        carved = _carve_word(cut_windows(part, gone), table, max_misses)
-        own = carved.words.dtype.type((1 << len(part)) - 1)
+        if at_once == 1:
+            carved = _carve_one(part[0], gone[0], table, max_misses)
+        else:
+            # Pad to a full word, so that a shorter last batch does not recompile; the padding bits are cleared below.
+            missing = at_once - len(part)
+            if missing:
+                part = np.pad(part, ((0, missing), (0, 0), (0, 0), (0, 0)))
+                gone = np.pad(gone, ((0, missing), (0, 0)))
+            carved = _carve_word(cut_windows(part, gone), table, max_misses)
+        own = carved.words.dtype.type((1 << min(at_once, frames - start)) - 1)
         found.append(SomeBlocks(carved.blocks, carved.words & own))
     voxels, words = in_grid_order(found, table.grid.shape)
     return VisualHulls(voxels, frames_of(words, frames), table.grid)

@@ -1,7 +1,7 @@
 """32 frames per machine word: bit f of a pixel's word belongs to frame f, so one AND carves 32 frames.
 
-A person fills a small part of an image. Only a window around it, the same in all frames, is converted to words. A frame
-by itself gets words of a byte, of which only the lowest bit counts.
+A person fills a small part of an image. Only a window around it, the same in all frames, is converted to words. The
+bits of a frame by itself stay as they are packed.
 """
 
 import math
@@ -10,15 +10,15 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Int, UInt, UInt8
+from jaxtyping import Array, Bool, Int, UInt, UInt8, UInt32
 
 from .._runtime.batching import step_above
-from .._runtime.compile_cache import quickly_compiled
+from .._runtime.compile_cache import cached_jit
 from .._runtime.materialise import computed_once
 
 FRAMES_PER_WORD = 32
-# For one frame a window has one of these shares of the width of the images, so that few shapes are compiled.
-_SHARES = (0.25, 0.5, 1.0)
+# Bytes of each frame that become words at once: a fixed number, so that one program does for any rig and any images.
+_AT_ONCE = 1 << 14
 CELL = 8
 """Edge of the square cells that make up a window (px): one byte of a packed row, and as many rows."""
 
@@ -26,11 +26,10 @@ CELL = 8
 class Windows(NamedTuple):
     """For each camera, the part of its silhouettes that contains all person pixels of 32 frames."""
 
-    packed: UInt8[np.ndarray, "frames cams rows w8"]
-    """Of 32 frames, or of one."""
+    packed: UInt8[np.ndarray, "frames=32 cams rows w8"]
     corner: Int[np.ndarray, "cams 2"]
     """Upper left corner of each window in its image: row (a multiple of `CELL`) and byte."""
-    blank: UInt[np.ndarray, " cams"]
+    blank: UInt32[np.ndarray, " cams"]
     """Word of all other pixels: ones in the frames in which the view is empty, so that it carves nothing."""
 
 
@@ -43,7 +42,7 @@ def cut_windows(packed: UInt8[np.ndarray, "frames cams h w8"], empty_views: Bool
     """Cut windows of the same size out of the images of all cameras; they may extend below the image.
 
     Args:
-        packed: Packed bits of 32 frames, or of one.
+        packed: Packed bits of 32 frames.
         empty_views: Views that show no person.
     """
     height, width = packed.shape[2:]
@@ -52,52 +51,76 @@ def cut_windows(packed: UInt8[np.ndarray, "frames cams h w8"], empty_views: Bool
     first = [(rows[0] // CELL * CELL, columns[0]) for rows, columns in bounds]
     last = [(rows[1], columns[1]) for rows, columns in bounds]
     extent = np.subtract(last, first).max(0)
-    rows, columns = -(-height // CELL) * CELL, width
-    if len(packed) == 1:
-        columns = min(max(1, int(share * width)) for share in _SHARES if share * width >= extent[1])
-    else:
-        rows, columns = min(CELL * step_above(-(-int(extent[0]) // CELL)), rows), min(step_above(int(extent[1])), width)
-    corner = np.minimum(first, (-(-height // CELL) * CELL - rows, width - columns)).astype(np.int32)
+    whole = -(-height // CELL) * CELL
+    rows, columns = min(CELL * step_above(-(-int(extent[0]) // CELL)), whole), min(step_above(int(extent[1])), width)
+    corner = np.minimum(first, (whole - rows, width - columns)).astype(np.int32)
     windows = np.zeros((len(packed), len(some), rows, columns), np.uint8)
     for camera, (top, left) in enumerate(corner):
         part = packed[:, camera, top : top + rows, left : left + columns]
         windows[:, camera, : part.shape[1]] = part
-    word = np.uint8 if len(packed) == 1 else np.uint32
-    blank = np.left_shift(empty_views.astype(word), np.arange(len(packed), dtype=word)[:, None])
+    blank = np.left_shift(empty_views.astype(np.uint32), np.arange(len(packed), dtype=np.uint32)[:, None])
     return Windows(windows, corner, np.bitwise_or.reduce(blank, 0))
 
 
-@quickly_compiled
-def frame_words(windows: Windows) -> UInt[Array, "cams rows columns"]:
-    """Transpose the packed bits of 32 frames into one word per pixel; those of one frame need not be transposed."""
-    cams, rows, columns = windows.packed.shape[1:]
-    blank = jnp.asarray(windows.blank)
-    if len(windows.packed) == 1:
-        bits = jnp.unpackbits(jnp.asarray(windows.packed)[0], axis=-1)
-        return bits | blank[:, None, None]
-    packed = windows.packed.reshape(FRAMES_PER_WORD, cams, -1)
+def frame_words(windows: Windows) -> UInt32[np.ndarray, "cams places"]:
+    """One word per pixel, from the packed bits of 32 frames.
+
+    For each camera, the words of the window's pixels, then that of all other pixels, then that of unseen places.
+    """
+    frames, cams = windows.packed.shape[:2]
+    packed = windows.packed.reshape(frames, -1)
+    own = np.empty(CELL * packed.shape[1], np.uint32)
+    for start in range(0, packed.shape[1], _AT_ONCE):
+        part = packed[:, start : start + _AT_ONCE]
+        count = part.shape[1]
+        part = part if count == _AT_ONCE else np.pad(part, ((0, 0), (0, _AT_ONCE - count)))
+        own[CELL * start : CELL * (start + count)] = np.asarray(_words_of(part))[: CELL * count]
+    words = np.empty((cams, len(own) // cams + 2), np.uint32)
+    np.bitwise_or(own.reshape(cams, -1), windows.blank[:, None], out=words[:, :-2])
+    words[:, -2], words[:, -1] = windows.blank, all_frames(words)
+    return words
+
+
+@cached_jit
+def _words_of(packed: UInt8[Array | np.ndarray, "frames=32 bytes"]) -> UInt32[Array, " pixels"]:
+    """Transpose packed bits of 32 frames into one word per pixel."""
     quarters = [_transposed([packed[f + k] for k in range(8)]) for f in range(0, FRAMES_PER_WORD, 8)]
     # Materialise intermediate results: interleaving bytes and words then runs at memory speed.
-    quarters = computed_once(quarters, blank[0].astype(jnp.float32))
+    anything = packed[0, 0].astype(jnp.float32)
+    quarters = computed_once(quarters, anything)
     bytes_of_words = [jnp.stack(parts, -1) for parts in zip(*quarters, strict=True)]
     words = [jax.lax.bitcast_convert_type(each, jnp.uint32) for each in bytes_of_words]
-    words = computed_once(words, blank[0].astype(jnp.float32))
-    return (jnp.stack(words, -1) | blank[:, None, None]).reshape(cams, rows, 8 * columns)
+    return jnp.stack(computed_once(words, anything), -1).reshape(-1)
 
 
-@quickly_compiled
-def listed(
-    words: UInt[Array, "cams rows columns"], blank: UInt[Array | np.ndarray, " cams"]
-) -> UInt[Array, "cams places"]:
-    """For each camera, the words of the window's pixels, then that of all other pixels, then that of unseen places."""
-    own = words.reshape(len(words), -1)
-    return jnp.concatenate([own, jnp.asarray(blank)[:, None], jnp.full((len(words), 1), all_frames(words))], 1)
+def cell_words(
+    words: UInt32[np.ndarray, "cams places"], extent: tuple[int, int]
+) -> UInt32[np.ndarray, "cams rows columns"]:
+    """For each cell of the windows, the frames with any person pixel in it; in NumPy, so that nothing is compiled.
+
+    Args:
+        words: From `frame_words`.
+        extent: Rows and columns of the windows (px).
+    """
+    rows = words[:, : math.prod(extent)].reshape(len(words), extent[0] // CELL, CELL, extent[1])
+    cells = np.asarray(np.bitwise_or.reduce(rows, 2))
+    while cells.shape[2] > extent[1] // CELL:  # by halves, because NumPy is slow where an axis is short
+        cells = cells[:, :, ::2] | cells[:, :, 1::2]
+    return cells
+
+
+def cells_of_frame(packed: UInt8[np.ndarray, "cams h w8"]) -> UInt8[np.ndarray, "cams rows columns"]:
+    """For each cell of the images of one frame, whether there is any person pixel in it."""
+    cams, height, columns = packed.shape
+    packed = np.pad(packed, ((0, 0), (0, -height % CELL), (0, 0)))
+    rows = packed.reshape(cams, -1, CELL, columns)
+    return (np.bitwise_or.reduce(rows, 2) != 0).astype(np.uint8)
 
 
 def places_of(
     pixels: Int[Array, "*some"], corner: Int[Array, "2"], extent: tuple[int, int], size: tuple[int, int]
 ) -> Int[Array, "*some"]:
-    """Indices into the result of `listed` for some pixels of one camera.
+    """Indices into the result of `frame_words` for some pixels of one camera.
 
     Args:
         pixels: Indices into the flattened image; one past its end means not seen.
@@ -113,20 +136,6 @@ def places_of(
     within = (row < extent[0]) & (column < extent[1])
     there = jnp.where(within, row * jnp.uint32(extent[1]) + column, jnp.uint32(inner))
     return jnp.where(pixels == unseen, inner + 1, there.astype(jnp.int32))
-
-
-def in_place(
-    part: UInt[Array, "cams rows columns"],
-    corner: Int[Array, "cams 2"],
-    blank: UInt[Array | np.ndarray, " cams"],
-    height: int,
-    width: int,
-) -> UInt[Array, "cams height width"]:
-    """Paste parts into whole images at their rows and columns, with the word `blank` everywhere else."""
-    whole = jnp.broadcast_to(jnp.asarray(blank)[:, None, None], (len(part), height, width))
-    for camera, each in enumerate(part):
-        whole = jax.lax.dynamic_update_slice(whole, each[None], (camera, corner[camera, 0], corner[camera, 1]))
-    return whole
 
 
 def frames_of(words: UInt[np.ndarray, "words n"], frames: int) -> Bool[np.ndarray, "frames n"]:

@@ -94,17 +94,22 @@ def projecting(
     """As `projection_table`, in steps."""
     blocks = count_blocks(grid.shape)
     pixels = np.full((len(cameras), step_above(blocks), INNER), height * width, np.int32)
-    axes, rig = grid.axes(), nameless(cameras)
+    axes = grid.axes()
+    # One by one, so that one program does for any rig and any images.
+    single = [nameless(cameras[camera : camera + 1]) for camera in range(len(cameras))]
+    extent = np.int32(height), np.int32(width)
     # In parts, because all coordinates of a large grid at once would take gigabytes.
     for start in range(0, blocks, _AT_ONCE):
         voxels = voxels_of(np.arange(start, start + _AT_ONCE) % blocks, grid.shape)
         # Voxels of a block outside the grid get the pixel of its first voxel.
         part = np.where(voxels < 0, voxels[:, :1], voxels).reshape(-1)
         points = [axis.take(index) for axis, index in zip(axes, np.unravel_index(part, grid.shape), strict=True)]
-        with jax.enable_x64(True):
-            found = np.asarray(_pixels(rig, np.stack(points, 1), height, width)).reshape(len(cameras), -1, INNER)
         stop = min(start + _AT_ONCE, blocks)
-        pixels[:, start:stop] = found[:, : stop - start]
+        stacked = np.stack(points, 1)
+        for own, camera in zip(pixels, single, strict=True):
+            with jax.enable_x64(True):
+                found = np.asarray(_pixels(camera, stacked, *extent)).reshape(-1, INNER)
+            own[start:stop] = found[: stop - start]
         yield
     footprints = []
     for each in pixels:
@@ -125,11 +130,14 @@ def _real(shape: tuple[int, ...], blocks: int) -> Bool[np.ndarray, "blocks inner
 
 @cached_jit
 def _pixels(
-    cameras: Cameras, points: Float[Array | np.ndarray, "n 3"], height: int, width: int
-) -> Int[Array, "cams n"]:
-    """The pixels that points in the world (m) project onto, as in `ProjectionTable`."""
-    u, v, _ = project(cameras, points)
+    camera: Cameras,
+    points: Float[Array | np.ndarray, "n 3"],
+    height: Int[Array, ""] | np.int32,
+    width: Int[Array, ""] | np.int32,
+) -> Int[Array, " n"]:
+    """The pixels of one camera that points in the world (m) project onto, as in `ProjectionTable`."""
+    u, v, _ = (each[0] for each in project(camera, points))
     u, v = jnp.floor(u + 0.5), jnp.floor(v + 0.5)
     # NaN, where the camera sees nothing, compares false.
-    seen = (u >= 0) & (v >= 0) & (u < cameras.size[:, 0, None]) & (v < cameras.size[:, 1, None])
+    seen = (u >= 0) & (v >= 0) & (u < camera.size[0, 0]) & (v < camera.size[0, 1])
     return jnp.where(seen, v * width + u, height * width).astype(jnp.int32)

@@ -16,8 +16,6 @@ from ._stream import Stream, streaming
 
 # Frames of the built-in motion, as a quarter of a second has at most: the first is searched in, others are followed.
 _FRAMES = 4
-# Shares of the images that a person is wide; each has programs of its own, see `cut_windows`.
-_WIDE = (0.25, 0.5, 1.0)
 
 
 def warm_up(cameras: Cameras, settings: Settings | None = None, subject: Body | Skeleton | None = None) -> None:
@@ -56,18 +54,14 @@ def _streams(rig: Cameras, settings: Settings, subject: Body | Skeleton | None, 
 
 
 def _carve_all_ways(rig: Cameras, settings: Settings) -> None:
-    """Carve people of all widths, with all numbers of views that may err."""
+    """Carve with all numbers of views that may err."""
     width, height = rig.size.max(0).tolist()
     grid, told = grid_around(np.array([0.0, 0.0, 1.0]), settings.hull.spacing), settings.hull.max_misses
     columns = -(-width // 8)
     table = projection_table(rig, grid, height, 8 * columns)
-    for share in _WIDE:
-        wide = max(1, int(share * columns))
-        left = (columns - wide) // 2
-        silhouettes = np.zeros((1, len(rig), height, columns), np.uint8)
-        silhouettes[..., height // 4 : -(height // 4), left : left + wide] = 0xFF
-        for misses in range(most_misses(len(rig)) + 1) if told is None else (told,):
-            carve(silhouettes, table, max_misses=misses, at_once=1)
+    everywhere = np.full((1, len(rig), height, columns), 0xFF, np.uint8)
+    for misses in range(most_misses(len(rig)) + 1) if told is None else (told,):
+        carve(everywhere, table, max_misses=misses, at_once=1)
 
 
 def _ring_like(cameras: Cameras) -> Cameras:

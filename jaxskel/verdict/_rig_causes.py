@@ -10,11 +10,14 @@ from jaxtyping import Bool
 from ..cameras import Cameras
 from ._repairs import Flipped, HalfTurn, Masks, Mirrored, QuarterTurn, Similarity
 from ._scene import Scene, make_scene
+from ._views import POINTS
 
 Views = Bool[np.ndarray, "frames cams rows columns"]
 
 # Number of frames tried: each repair evaluates the whole rig anew.
 _FRAMES = 4
+# All repairs are tried with few points along an edge of the cube around the person, and the best ones with all.
+_ROUGH, _CLOSELY = 24, 4
 # A repair explains the contradiction if at most this share of the misfit remains.
 _LEFT = 0.35
 # Ratios of image size to calibrated size that cameras and people commonly choose.
@@ -34,16 +37,23 @@ def rig_cause(scene: Scene) -> RigCause | None:
     chosen = np.unique(np.linspace(0, len(scene.masks) - 1, _FRAMES).round().astype(int))
     cameras, masks = scene.cameras, scene.masks[chosen]
     before = make_scene(cameras, masks).misfit()
-    best = RigCause("", _LEFT * before)
+    tried = []
     for told, change in _repairs(cameras):
         others, mended = change(cameras, masks)
-        if mended.any((2, 3)).sum() != masks.any((2, 3)).sum():
-            continue  # the person left some view, whose misfit then vanishes
-        found = make_scene(others, mended)
-        # Where a view no longer sees the person of the others, its misfit is undefined: that is no repair.
-        if np.isfinite(found.by_view()).all() and (misfit := found.misfit()) < best.misfit:
+        if mended.any((2, 3)).sum() == masks.any((2, 3)).sum():  # else the person left some view, with all its misfit
+            tried.append((_misfit(others, mended, _ROUGH), told, others, mended))
+    best = RigCause("", _LEFT * before)
+    for _, told, others, mended in sorted(tried, key=lambda each: each[0])[:_CLOSELY]:
+        misfit = _misfit(others, mended, POINTS)
+        if misfit < best.misfit:
             best = RigCause(told, misfit)
     return best if best.told else None
+
+
+def _misfit(cameras: Cameras, masks: Views, points: int) -> float:
+    """The misfit of a rig (half heights), infinite where a view no longer sees the person of the others."""
+    scene = make_scene(cameras, masks, points)
+    return scene.misfit() if np.isfinite(scene.by_view()).all() else np.inf
 
 
 _Change = Callable[[Cameras, Views], tuple[Cameras, Views]]

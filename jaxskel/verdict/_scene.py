@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 from ..cameras import Cameras
 from ..hull import most_misses
 from ._misfit import FrameEvidence, frame_evidence, frame_misfits, outside, with_view
-from ._views import Samples, Sight, samples_around, sights_of
+from ._views import POINTS, Samples, Sight, samples_around, sights_of
 
 # Share of the frames that count, best first: other frames may show somebody else, as 1 of 8 of the real child's does.
 _KEPT = 0.75
@@ -75,9 +75,12 @@ class Scene(eqx.Module):
         return replace(self, masks=every, frames=frames)
 
 
-def make_scene(cameras: Cameras, masks: Bool[np.ndarray, "frames cams rows columns"]) -> Scene:
-    """Make a scene of masks, which are as large as the cameras' images or padded at the right and bottom."""
-    samples = samples_around(cameras, masks)
+def make_scene(cameras: Cameras, masks: Bool[np.ndarray, "frames cams rows columns"], points: int = POINTS) -> Scene:
+    """Make a scene of masks, which are as large as the cameras' images or padded at the right and bottom.
+
+    The misfit is taken at `points` along each edge of a cube around the person.
+    """
+    samples = samples_around(cameras, masks, points)
     sights = sights_of(cameras, masks.shape[3], samples)
     misses = most_misses(len(cameras))
     frames = tuple(

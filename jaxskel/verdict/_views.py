@@ -39,12 +39,12 @@ class Samples(NamedTuple):
     half: Float[np.ndarray, " frames"]
     """Half height: half of the person's largest extent in the images, at the middle's depth (m); NaN if not seen."""
     points: Float[np.ndarray, "points 3"]
-    """Offsets from the middle, in half heights; the last axis varies fastest, `POINTS` along each."""
+    """Offsets from the middle, in half heights; the last axis varies fastest, equally many along each."""
 
     @property
     def spacing(self) -> Float[np.ndarray, " frames"]:
         """Distance of neighbouring points (m)."""
-        return 2 * _REACH / POINTS * self.half
+        return 2 * _REACH / round(len(self.points) ** (1 / 3)) * self.half
 
 
 class Sight(eqx.Module):
@@ -91,8 +91,13 @@ def _steps_and_sizes(cameras: Cameras) -> tuple[Int[np.ndarray, " cams"], Int[np
     return steps, -(-cameras.size // steps[:, None])
 
 
-def samples_around(cameras: Cameras, masks: Bool[np.ndarray, "frames cams rows columns"]) -> Samples:
-    """A cube of points around each person, sized by the silhouettes and so independent of the calibration's unit."""
+def samples_around(
+    cameras: Cameras, masks: Bool[np.ndarray, "frames cams rows columns"], points: int = POINTS
+) -> Samples:
+    """A cube of points around each person, sized by the silhouettes and so independent of the calibration's unit.
+
+    There are `points` along each edge.
+    """
     packed = pack_silhouettes(masks)
     there = np.asarray(masks.any((2, 3)))
     middle = body_middles(cameras, packed, ~there)
@@ -108,7 +113,7 @@ def samples_around(cameras: Cameras, masks: Bool[np.ndarray, "frames cams rows c
                 found.append(0.5 * max(box.bottom - box.top, box.right - box.left) / focal[c] * depth[f, c])
         if found:
             half[f] = np.median(found)
-    axis = _REACH * ((np.arange(POINTS) + 0.5) / POINTS * 2 - 1)
+    axis = _REACH * ((np.arange(points) + 0.5) / points * 2 - 1)
     return Samples(middle, half, np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3))
 
 

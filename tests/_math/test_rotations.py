@@ -26,6 +26,7 @@ def test_exponential_is_scipys(vectors):
     np.testing.assert_allclose(single, expected, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_exponential_is_smooth_at_zero():
     derivative = jax.jacfwd(exponential)(jnp.zeros(3))
     # The generators of rotations: d R / d x_k has the entries -epsilon_ijk.

@@ -24,6 +24,8 @@ from jaxskel.io.poses import read_poses
 from jaxskel.io.recordings import write_recording
 from jaxskel.synthetic import camera_ring, make_scene
 
+pytestmark = pytest.mark.slow
+
 FRAMES = 70  # three batches
 NAMES = ("walk0", "walk1", "walk2", "walk3")
 

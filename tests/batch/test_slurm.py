@@ -19,7 +19,10 @@ from jaxskel.batch import read_results
 from jaxskel.io.recordings import write_recording
 from jaxskel.synthetic import camera_ring, make_scene
 
-pytestmark = pytest.mark.skipif(bool(reason_to_skip()), reason=str(reason_to_skip()))
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(bool(reason_to_skip()), reason=str(reason_to_skip())),
+]
 
 
 @pytest.fixture(scope="module")

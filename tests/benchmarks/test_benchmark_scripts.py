@@ -17,6 +17,8 @@ from jaxskel import Recording, Settings, paper_settings
 from jaxskel.io.recordings import write_recording
 from jaxskel.synthetic import camera_ring, make_scene
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def scene() -> Recording:

@@ -10,6 +10,8 @@ from support.listings import tree
 from jaxskel import make_cameras
 from jaxskel.synthetic import camera_ring
 
+pytestmark = pytest.mark.slow
+
 
 def test_each_case_has_a_line_and_what_is_not_known_or_cannot_be_compared_is_not_ok(tmp_path):
     for name in ("camera_names_bad_codepoint", "from_tomorrow", "words_rembg"):

@@ -33,6 +33,8 @@ from jaxskel.outlines import contours, silhouette_distances
 from jaxskel.refinement.parametrisations import HingedLimbs
 from jaxskel.refinement.terms import ContourContact, InsideSilhouettes, Observed, place
 
+pytestmark = pytest.mark.slow
+
 FRAMES = 16
 HINGED = HingedLimbs()
 PRIOR = people_prior(ADULT, ADULT.stature)

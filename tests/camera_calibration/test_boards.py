@@ -50,6 +50,7 @@ def test_boards_that_are_none_are_refused(wrong):
         Board(*wrong)
 
 
+@pytest.mark.slow
 def test_a_board_at_rest_is_averaged_and_a_moving_one_refused(tmp_path):
     cameras = rig()
     image = picture(cameras, 0, BOARD)
@@ -62,6 +63,7 @@ def test_a_board_at_rest_is_averaged_and_a_moving_one_refused(tmp_path):
         still_board(video(tmp_path / "moving.avi", moving), BOARD)
 
 
+@pytest.mark.slow
 def test_a_lens_comes_back_from_a_film_of_the_board(tmp_path):
     images = []
     for step in range(10):

@@ -19,6 +19,8 @@ from jaxskel.cameras import compare_rigs
 from jaxskel.cli._app import main
 from jaxskel.io.calibrations import read_calibration, write_pose2sim_calibration
 
+pytestmark = pytest.mark.slow
+
 UTRECHT = SHARED / "real" / "utrecht_horseman"
 
 

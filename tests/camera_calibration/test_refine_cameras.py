@@ -19,6 +19,8 @@ from jaxskel.camera_calibration.from_silhouettes._step import CameraStep
 from jaxskel.cameras import ExtrinsicChange, changed, compare_rigs
 from jaxskel.synthetic import make_scene
 
+pytestmark = pytest.mark.slow
+
 BALANCING = SHARED / "real" / "pose2sim_balancing"
 
 # One test has only this many frames; the others use the same number, so that nothing is compiled again.

@@ -205,6 +205,7 @@ def test_help_and_version(tmp_path):
     assert jaxskel("--version", cwd=tmp_path).stdout.startswith("jaxskel ")
 
 
+@pytest.mark.slow
 def test_compiled_code_is_kept_for_the_next_run_unless_told_not_to(folder, tmp_path):
     caches = {"XDG_CACHE_HOME": str(tmp_path / "cache"), "HOME": str(tmp_path), "LOCALAPPDATA": str(tmp_path)}
     arguments = ("run", "scene.npz", "-o", tmp_path / "out", "--preset", "paper")
@@ -220,6 +221,7 @@ def test_compiled_code_is_kept_for_the_next_run_unless_told_not_to(folder, tmp_p
     assert {file.name for file in tmp_path.rglob("compiled/*/*") if file.name.endswith("-cache")} == kept
 
 
+@pytest.mark.slow
 def test_calibrate_body_writes_a_subject_and_says_so(tmp_path):
     recording, _ = film_person(other_person(), 10)
     write_recording(tmp_path / "measured.npz", recording)
@@ -273,6 +275,7 @@ def lonely(tmp_path_factory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["black", "one view", "last", "one"])
 def test_every_command_takes_recordings_with_hardly_anybody(lonely, name):
     someone, poses = name in ("last", "one"), f"{name}/poses.npz"

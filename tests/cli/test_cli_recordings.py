@@ -70,6 +70,7 @@ def test_init_leaves_alone_what_somebody_wrote_unless_told(folder):
     assert len(read_recording(folder)) == 3
 
 
+@pytest.mark.slow
 def test_refined_cameras_can_be_used_in_place_of_the_given_ones(folder):
     jaxskel("init", folder, "--fps", 25, cwd=folder)
     done = jaxskel("refine-cameras", folder, "-o", "refined.toml", cwd=folder)

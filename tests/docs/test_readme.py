@@ -43,6 +43,7 @@ def beside_a_demo(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_python_of_the_readme_runs(beside_a_demo, capsys):
     run_blocks("README", names := {})
     assert "(4, 15, 3)" in capsys.readouterr().out
@@ -50,6 +51,7 @@ def test_python_of_the_readme_runs(beside_a_demo, capsys):
     assert (beside_a_demo / "results" / "poses.csv").is_file()
 
 
+@pytest.mark.slow
 def test_python_of_the_objectives_runs(beside_a_demo, capsys):
     run_blocks("objectives", names := {})
     assert names["initial"].root.shape == (4, 3)

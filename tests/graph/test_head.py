@@ -190,6 +190,7 @@ def test_depth_is_the_distance_from_the_nearest_empty_voxel(depth):
         np.testing.assert_array_equal(row, (distance >= depth / SPACING + 0.5)[tuple(hulls.voxels.T)] & hulls.inside[f])
 
 
+@pytest.mark.slow
 def test_raised_hands_and_a_crouch_from_silhouettes():
     skeleton = default_adult()
     whole = demo_motion(skeleton, 60)

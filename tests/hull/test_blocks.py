@@ -16,10 +16,17 @@ from jaxskel.hull._blocks import (
     pooled,
     voxels_of,
 )
+from jaxskel.hull._frame_bits import CELL
 
 HEIGHT, WIDTH = 104, 136
 NOWHERE = np.zeros((1, 2), np.int32), np.zeros(1, np.uint32)
 NOWHERE_TWICE = np.zeros((2, 2), np.int32), np.zeros(2, np.uint32)
+
+
+def cells_of(images: np.ndarray) -> np.ndarray:
+    """The words of cells of `CELL` by `CELL` pixels."""
+    views, height, width = images.shape
+    return np.bitwise_or.reduce(images.reshape(views, height // CELL, CELL, width // CELL, CELL), (2, 4))
 
 
 @pytest.mark.parametrize("shape", [(8, 4, 12), (5, 6, 9), (1, 2, 3)])
@@ -66,7 +73,7 @@ def test_what_a_voxel_sees_its_block_sees(seed, spread):
     voxels = voxels_of(np.arange(int(np.prod(blocks))), shape)
     own = pixels[np.where(voxels < 0, voxels[:, :1], voxels)]
     image = np.where(rng.random((HEIGHT, WIDTH)) < 0.01, rng.integers(1, 2**32, (HEIGHT, WIDTH)), 0).astype(np.uint32)
-    cells = np.asarray(pooled(image[None], *NOWHERE, HEIGHT, WIDTH))[0]
+    cells = pooled(cells_of(image[None]), *NOWHERE, HEIGHT, WIDTH)[0]
     assert len(cells) == nowhere(HEIGHT, WIDTH) + 1
     assert cells[-1] == 0xFFFFFFFF
     seen = np.append(image, np.uint32(0xFFFFFFFF))[own]
@@ -82,6 +89,6 @@ def test_windows_are_pooled_where_they_are():
     images = np.tile(blank[:, None, None], (1, HEIGHT, WIDTH))
     for image, own, (row, byte) in zip(images, words, corner, strict=True):
         image[row : row + 24, 8 * byte : 8 * byte + 32] = own
-    expected = pooled(images, *NOWHERE_TWICE, HEIGHT, WIDTH)
-    found = pooled(words, corner, blank, HEIGHT, WIDTH)
+    expected = pooled(cells_of(images), *NOWHERE_TWICE, HEIGHT, WIDTH)
+    found = pooled(cells_of(words), corner, blank, HEIGHT, WIDTH)
     np.testing.assert_array_equal(found, expected)

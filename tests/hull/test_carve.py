@@ -119,6 +119,7 @@ def test_hull_contains_the_body(body):
     assert (depth < -0.25).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("max_misses", [0, 1])
 def test_adding_a_camera_never_grows_the_hull(max_misses):
     cameras, rng = ring(6), np.random.default_rng(1)

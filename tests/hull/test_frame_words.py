@@ -5,17 +5,17 @@ import numpy as np
 import pytest
 
 from jaxskel.hull import FRAMES_PER_WORD
-from jaxskel.hull._frame_bits import CELL, Windows, cut_windows, frame_words, frames_of, listed, places_of
+from jaxskel.hull._frame_bits import CELL, Windows, cell_words, cut_windows, frame_words, frames_of, places_of
 
 CAMS, WIDTH = 3, 160
 
 
 def whole_images(windows: Windows, height: int, width: int) -> np.ndarray:
     """The word of each pixel, and the word of unseen places."""
-    words = frame_words(windows)
-    every, extent = jnp.arange(height * width + 1, dtype=jnp.int32), (words.shape[1], words.shape[2])
+    rows, columns = windows.packed.shape[2:]
+    every, extent = jnp.arange(height * width + 1, dtype=jnp.int32), (rows, 8 * columns)
     found = []
-    for own, corner in zip(np.asarray(listed(words, windows.blank)), windows.corner, strict=True):
+    for own, corner in zip(frame_words(windows), windows.corner, strict=True):
         found.append(own[np.asarray(places_of(every, jnp.asarray(corner), extent, (height, width)))])
     return np.stack(found)
 
@@ -35,6 +35,11 @@ def test_each_bit_is_a_frame(height, box):
     bits = (masks | empty_views[:, :, None, None]).astype(np.uint32) << np.arange(FRAMES_PER_WORD)[:, None, None, None]
     np.testing.assert_array_equal(words[:, :-1], np.bitwise_or.reduce(bits, 0).astype(np.uint32).reshape(CAMS, -1))
     np.testing.assert_array_equal(words[:, -1], 0xFFFFFFFF)  # what is not seen
+    rows, columns = windows.packed.shape[2:]
+    cells = cell_words(frame_words(windows), (rows, 8 * columns))
+    some = windows.packed.reshape(FRAMES_PER_WORD, CAMS, rows // CELL, CELL, columns).any(3)
+    for frame, own in enumerate(some):
+        np.testing.assert_array_equal(cells >> np.uint32(frame) & 1, own | empty_views[frame, :, None, None])
 
 
 def test_a_window_is_as_large_as_the_person_asks_for():

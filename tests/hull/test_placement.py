@@ -63,6 +63,7 @@ def test_grid_contains_the_body(body):
     assert (grid.upper - np.asarray(grid.origin) < span + 0.7).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("height", [36, 80])
 @pytest.mark.parametrize(
     "body", [person(), person(0.3, -0.2), person(arm=(0.0, 1.0, 0.0)), person(arm=(0.0, 0.3, 0.95))]
@@ -92,6 +93,7 @@ def test_grid_contains_a_walk_through_the_room():
     assert all(contains(grid, body) for body in walk)
 
 
+@pytest.mark.slow
 def test_grid_contains_a_long_walk_of_which_it_sees_a_part():
     walk = [person(x) for x in np.linspace(-1.0, 1.0, 120)]  # more than the 96 frames that are sampled
     walk[61] = person(walk[61][0, 0], arm=(0.0, 0.75, 0.0))  # for one frame, with the steps around it

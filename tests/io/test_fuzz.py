@@ -124,6 +124,7 @@ def cases(draw: st.DrawFn, files: dict[Path, bytes]) -> tuple[Path, bytes]:
     return file, draw(damaged_within(content) if within else damaged(content))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reader", READERS)
 @settings(max_examples=80, deadline=None)
 @given(data=st.data())

@@ -11,6 +11,8 @@ from jaxskel.io.recordings import read_recording, write_recording
 from jaxskel.recording import AbstractSilhouettes, silhouette_areas
 from jaxskel.synthetic import make_scene
 
+pytestmark = pytest.mark.slow
+
 FRAMES = 40
 
 

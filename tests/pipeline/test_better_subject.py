@@ -12,6 +12,8 @@ from jaxskel.pipeline import _better_subject as better
 from jaxskel.pipeline._better_subject import BetterSubject
 from jaxskel.synthetic import camera_ring, make_scene
 
+pytestmark = pytest.mark.slow
+
 GRAPH = graph_settings()
 
 

@@ -26,6 +26,8 @@ from jaxskel.io.subjects import read_body, read_subject, write_subject
 from jaxskel.pipeline import STAGES
 from jaxskel.pipeline._calibrate_body import _look, _turning
 
+pytestmark = pytest.mark.slow
+
 PERSON = other_person()
 
 

@@ -26,6 +26,8 @@ from jaxskel.synthetic import camera_ring, make_scene
 from jaxskel.visualization import draw_skeleton
 from jaxskel.visualization.report._overlays import drawn_skeletons
 
+pytestmark = pytest.mark.slow
+
 SIZE = (240, 200)
 GRID = make_grid(np.array([-0.6, -1.1, -0.1]), np.array([0.8, 0.8, 2.1]), 0.04)
 NOBODY_LOST = np.zeros((1, 6), bool)

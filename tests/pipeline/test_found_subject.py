@@ -15,6 +15,8 @@ from jaxskel.body import BALL_NAMES, Body, flesh_prior, lengths_of, measured_bod
 from jaxskel.pipeline import reconstruct_batch
 from jaxskel.synthetic import camera_ring, demo_motion, render
 
+pytestmark = pytest.mark.slow
+
 # Of the demo motion at 5 frames a second: two of a walk, waving, a turn, crane stand, crouch, twice hands on hips.
 FRAMES = [7, 9, 18, 35, 43, 50, 55, 57]
 LIMBS = [i for i, name in enumerate(BALL_NAMES) if name[2:] in ("elbow", "forearm", "knee", "calf")]

@@ -26,6 +26,8 @@ from jaxskel.pipeline import _parallel as parallel
 from jaxskel.search import Track
 from jaxskel.synthetic import camera_ring, make_scene
 
+pytestmark = pytest.mark.slow
+
 
 def test_two_processes_give_what_one_gives():
     scene = make_scene(70, cameras=camera_ring(4, size=(160, 120)))  # three batches

@@ -16,7 +16,10 @@ from jaxskel.io.proposals import propose_recording
 from jaxskel.io.recordings import read_recording
 
 REAL = SHARED / "real"
-pytestmark = pytest.mark.skipif(not REAL.is_dir(), reason=f"needs {REAL}, which is not part of the package")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not REAL.is_dir(), reason=f"needs {REAL}, which is not part of the package"),
+]
 
 # Markers of the reference at the places of template joints: a hand is its palm, a foot its ball.
 MARKERS = {

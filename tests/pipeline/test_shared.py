@@ -2,10 +2,13 @@
 
 import equinox as eqx
 import numpy as np
+import pytest
 from support.shared_data import SEQUENCE, SHARED, needs
 
 from jaxskel import Recording, Settings, join_poses, prepare, read_recording, reconstruct_batches
 from jaxskel.poses import score
+
+pytestmark = pytest.mark.slow
 
 REAL = SHARED / "real" / "vlasic_crane" / "vlasic_crane.npz"
 

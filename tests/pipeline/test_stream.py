@@ -24,6 +24,8 @@ from jaxskel import (
 from jaxskel.pipeline import reconstruct_batch
 from jaxskel.synthetic import camera_ring, demo_motion, make_scene
 
+pytestmark = pytest.mark.slow
+
 ADULT = default_adult()
 PAPER = paper_settings()
 

@@ -39,6 +39,8 @@ from jaxskel.refinement.terms import (
     pose_prior,
 )
 
+pytestmark = pytest.mark.slow
+
 TRUTH = standing()
 
 

@@ -107,6 +107,7 @@ def solve(objective: Objective, seed: int = 0):
     return refine_frames(objective, BONES, SOLVER, ADULT, initial, observed, 2, 8)
 
 
+@pytest.mark.slow
 def test_new_weights_data_and_parameters_and_a_cell_run_again_trace_nothing():
     first = solve(paper_objective().plus(stick=from_function(cell(), 0.25, weight=10.0)))
     traced = len(TRACES)

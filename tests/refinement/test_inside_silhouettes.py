@@ -165,6 +165,7 @@ def filmed():
         )
 
 
+@pytest.mark.slow
 def test_at_the_base_pose_the_residual_is_the_dense_sum_and_so_is_its_gradient(filmed):
     term, skeleton, base, seen = filmed
     with jax.enable_x64(True):
@@ -208,6 +209,7 @@ def test_jacobian_is_that_of_finite_differences(filmed):
         np.testing.assert_allclose(jacobian, np.stack(expected, -1), atol=1e-7)
 
 
+@pytest.mark.slow
 def test_nothing_that_sticks_out_leaves_nothing_to_do(filmed):
     term, skeleton, base, seen = filmed
     with jax.enable_x64(True):

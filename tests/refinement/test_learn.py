@@ -11,6 +11,8 @@ from jaxskel.refinement.parametrisations import ExactBones
 from jaxskel.refinement.solvers import NormalEquationsLM
 from jaxskel.refinement.terms import Objective, RestPrior, from_function, place
 
+pytestmark = pytest.mark.slow
+
 ADULT = jax.tree.map(lambda a: np.asarray(a, np.float32), default_adult())
 BONES = ExactBones()
 

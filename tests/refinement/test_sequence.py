@@ -102,6 +102,7 @@ def roughness(result) -> float:
     return float(np.sqrt((np.diff(points(result), 2, axis=0) ** 2).sum(-1).mean()))
 
 
+@pytest.mark.slow
 def test_without_weight_frames_are_refined_as_if_alone():
     observed = markers(0.01)
     together = refined(smooth(1e-9), observed)
@@ -124,6 +125,7 @@ def test_smoothness_takes_away_noise_and_costs_what_accelerates():
     assert found.costs["smooth"][0] == found.costs["smooth"][-1] == 0
 
 
+@pytest.mark.slow
 def test_any_matrix_free_solver_comes_to_the_same_cost():
     observed = markers(0.02)
     free = optx.LevenbergMarquardt(1e-3, 1e-4, linear_solver=lx.Normal(lx.CG(1e-3, 1e-3, max_steps=5000)))
@@ -159,6 +161,7 @@ def test_a_sequence_without_any_pose_gives_back_what_it_got():
     np.testing.assert_array_equal(result.pose.rotations, INITIAL.rotations)
 
 
+@pytest.mark.slow
 def test_other_parametrisations_and_short_sequences_work_too():
     observed = markers(0.0)
     two, seen = jax.tree.map(lambda a: a[:2], INITIAL), jax.tree.map(lambda a: a[:2], observed)

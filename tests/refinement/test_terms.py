@@ -62,6 +62,7 @@ def test_terms_vanish_at_the_truth_only(name):
     assert np.abs(residual(pose_of(7))).max() > 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TERMS)
 def test_jacobians_of_terms_are_finite_differences(name):
     term, base, observed = TERMS[name][0], pose_of(4), ideal_graph(ADULT, pose_of(2))

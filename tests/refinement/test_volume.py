@@ -87,6 +87,7 @@ def test_jacobians_of_terms_are_finite_differences(observed):
 SEEDS = (0, 1, 4, 5, 7, 8)
 
 
+@pytest.mark.slow
 def test_silhouettes_alone_recover_poses_and_a_wrong_one_costs_more():
     truth = turned("l_upper_arm", "x", 40)
     joints = np.asarray(place(ADULT, truth).joints)

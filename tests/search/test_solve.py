@@ -122,6 +122,7 @@ def test_limbs_that_are_freed_are_found_again(filmed, names):
 # Fitting
 
 
+@pytest.mark.slow
 def test_without_arms_no_outline_tells_where_they_are(filmed):
     """The first steps of a search do without arms: wherever these are, they touch nothing."""
     model = make_model(BODY)

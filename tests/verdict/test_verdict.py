@@ -48,6 +48,7 @@ ONE_VIEW = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ONE_VIEW)
 def test_one_spoilt_view_is_named_with_its_cause(recording, few, kind):
     spoil, word = ONE_VIEW[kind]
@@ -75,6 +76,7 @@ ALL_VIEWS = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ALL_VIEWS)
 def test_what_is_wrong_with_all_views_is_hopeless_and_named(few, kind):
     spoil, word = ALL_VIEWS[kind]
