@@ -34,7 +34,8 @@ def _carve_blocks(
     words: UInt[Array | np.ndarray, "cams places"], footprints: Int[Array, "cams blocks"], max_misses: int
 ) -> UInt[Array, " blocks"]:
     """Carve whole blocks like voxels, using the image cells that they project onto."""
-    return _carved(lambda camera: _at(jnp.asarray(words)[camera], footprints[camera]), words.shape[0], max_misses, words.dtype)
+    own = jnp.asarray(words)
+    return _carved(lambda camera: _at(own[camera], footprints[camera]), len(own), max_misses, own.dtype)
 
 
 @cached_jit
