@@ -35,6 +35,7 @@ from ._shape import measured_body as measured_body
 from ._shape import people_prior as people_prior
 from ._shape import population_prior as population_prior
 from ._shape import shaped_body as shaped_body
+from ._shape import shaped_skeleton as shaped_skeleton
 from ._skeleton import JOINT_NAMES as JOINT_NAMES
 from ._skeleton import JOINT_OF_PIVOT as JOINT_OF_PIVOT
 from ._skeleton import JOINT_PARENTS as JOINT_PARENTS

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from .._runtime.batching import filled, on_device, single_precision, take
-from ..body import Body, Pose, Prior, Shape, Skeleton, measured_body
+from ..body import Body, Pose, Prior, Shape, Skeleton, measured_body, shaped_skeleton
 from ..body_calibration import bundle_adjust, carrying, dressed, find_luggage, prior_with_luggage
 from ..matching import Limbs
 from ..refinement.terms import Observed
@@ -205,7 +205,7 @@ def _stature_deviation(template: Skeleton, shape: Shape, covariance: Float[np.nd
     lengths = np.asarray(shape.lengths)
 
     def stature(lengths: Float[np.ndarray, " lengths"]) -> float:
-        return measured_body(template, Shape(lengths, shape.fingers, shape.balls)).skeleton.stature
+        return shaped_skeleton(template, Shape(lengths, shape.fingers, shape.balls)).stature
 
     steps = _STEP * np.eye(len(lengths))
     slope = np.array([stature(lengths + step) - stature(lengths - step) for step in steps]) / (2 * _STEP)

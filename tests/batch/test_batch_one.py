@@ -73,6 +73,7 @@ def test_a_development_version_counts_its_code(monkeypatch):
     assert _manifest.current_version.__wrapped__().startswith("1.2.dev0+")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("before", [0, 1])
 @pytest.mark.parametrize("step", range(30))
 def test_killed_at_any_step_a_result_with_a_manifest_is_whole(place, monkeypatch, before, step):

@@ -21,6 +21,7 @@ def test_a_seed_is_a_person():
     assert np.abs(lengths_of(one.skeleton) / lengths_of(other.skeleton) - 1).max() > 0.02
 
 
+@pytest.mark.slow
 def test_people_differ_about_the_mean_as_the_table_says():
     table, usual = adults(), lengths_of(default_adult())
     people = [draw_adult(seed) for seed in range(200)]

@@ -133,6 +133,7 @@ def test_jax_and_numpy_agree():
     np.testing.assert_allclose(single[0], project(rig, points[:200])[0], atol=1e-3)
 
 
+@pytest.mark.slow
 def test_gradients_are_finite_differences():
     rig = mixed_ring()
     # On the axis of the first camera, hardly off it, where the angle begins to be summed up otherwise, and far off it.

@@ -12,10 +12,14 @@ from jaxskel.io.recordings import read_recording
 from jaxskel.synthetic import make_scene
 
 
+@pytest.fixture(scope="module")
+def scene():
+    return make_scene(24)[::8]
+
+
 @pytest.fixture
-def folder(tmp_path):
+def folder(tmp_path, scene):
     """Images of the package's scene, with a calibration in two formats, whose cameras have other names."""
-    scene = make_scene(24)[::8]
     write_pose2sim_calibration(tmp_path / "Calib.toml", scene.cameras)
     write_calibration(tmp_path / "calibration.npz", scene.cameras, scene.up)
     for camera, (width, height) in enumerate(scene.cameras.size.tolist()):
@@ -93,6 +97,7 @@ def test_refine_cameras_refuses(folder, options, why):
     assert not list(folder.glob("refined*"))
 
 
+@pytest.mark.slow
 def test_a_world_with_another_axis_up_keeps_it_in_a_file_that_can(folder):
     jaxskel("init", folder, "--fps", 25, cwd=folder)
     text = (folder / "recording.toml").read_text()

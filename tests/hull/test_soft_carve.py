@@ -48,6 +48,7 @@ def around(count: int, seed=0) -> np.ndarray:
     return BALLS[rng.integers(len(BALLS), size=count), :3] + rng.normal(0, 0.15, (count, 3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("max_misses", "min_views"), [(0, 2), (0, 6), (2, 4)])
 def test_it_becomes_the_hard_hull_as_the_temperature_goes_to_zero(max_misses, min_views):
     empty_views = [2]
@@ -180,6 +181,7 @@ def unseen_too(count: int) -> np.ndarray:
     return np.concatenate([around(count), centres, 1.3 * centres, [[0.0, 0.0, 40.0], [0.0, 0.0, -40.0]]])
 
 
+@pytest.mark.slow
 def test_gradients_are_finite_differences():
     with jax.enable_x64(True):
         distances, points = (

@@ -162,6 +162,7 @@ def test_nearby_is_the_pose_to_first_order():
             np.testing.assert_allclose(other, one, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_motion_is_the_derivative_of_the_placed_body():
     hinged = HingedLimbs()
     with jax.enable_x64(True):

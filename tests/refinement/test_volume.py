@@ -51,6 +51,7 @@ def test_terms_are_content_with_the_truth_only(observed, name):
     assert norm(term, wrong, observed) > 2 * bound
 
 
+@pytest.mark.slow
 def test_jacobians_of_terms_are_finite_differences(observed):
     # Contacts and hinges have tests of their own.
     terms = {name: TERMS[name][0] for name in ("silhouettes", "collision")}

@@ -50,6 +50,7 @@ def test_a_search_begins_at_intervals_and_once_only(filmed):
     assert must_be_found(lost(track))
 
 
+@pytest.mark.slow
 def test_a_search_is_put_off_in_a_hurry(filmed):
     pose = some(filmed.truth, 5)
     track = Track(pose, some(filmed.truth, 4), 0, np.full(30, 3.0), 0.5, Ongoing(found_at(pose, 3.0), pose, 3.0))

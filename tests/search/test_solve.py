@@ -172,6 +172,7 @@ def test_scales_by_hand():
     assert scales.shape == fit_scales((0.04, 9))[0].shape
 
 
+@pytest.mark.slow
 def test_a_step_of_descent_lowers_what_it_linearised(filmed):
     model, hinged = make_model(BODY), HingedLimbs()
     observed, rng = some(filmed.observed, 1), np.random.default_rng(0)

@@ -40,6 +40,7 @@ def on_track(filmed: Filmed, frame: int, wrong: Pose) -> Track:
     return Track(wrong, wrong, 0, np.full(30, 3.0))
 
 
+@pytest.mark.slow
 def test_a_walk_is_followed_over_the_edges_of_batches(filmed):
     whole, _ = follow(filmed, slice(0, 12), None)
     assert whole.max() < 0.08
