@@ -11,7 +11,8 @@ def single_precision(tree: Any) -> Any:
     """Arrays in the precision of JAX's computations, so that the caller's precision does not cause a recompilation."""
 
     def single(a: Any) -> Any:
-        return a if a.dtype.kind in "bi" or a.dtype == np.float32 else np.asarray(a, np.float32)
+        kept = not hasattr(a, "dtype") or a.dtype.kind in "bi" or a.dtype == np.float32
+        return a if kept else np.asarray(a, np.float32)
 
     return jax.tree.map(single, tree)
 

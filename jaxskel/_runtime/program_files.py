@@ -29,6 +29,8 @@ def write_program(path: Path, text: bytes, compiled: Any, result: Any) -> None:
         content = text + pickle.dumps((serialize(compiled)[0], like))
     except (ValueError, NotImplementedError) as error:
         _not_kept(path, error)
+    except (AttributeError, TypeError, pickle.PicklingError):
+        return  # it calls back into this process, as a solver with `verbose=True` does
     else:
         _write(path, content)
 

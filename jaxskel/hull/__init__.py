@@ -9,6 +9,7 @@ from ._carve_soft import carve_soft as carve_soft
 from ._connected_bodies import bodies_among as bodies_among
 from ._frame_bits import FRAMES_PER_WORD as FRAMES_PER_WORD
 from ._grid import VoxelGrid as VoxelGrid
+from ._grid import check_spacing as check_spacing
 from ._grid import make_grid as make_grid
 from ._grid_placement import body_middles as body_middles
 from ._grid_placement import place_grid as place_grid

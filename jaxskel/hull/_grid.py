@@ -41,6 +41,12 @@ class VoxelGrid(eqx.Module):
         return np.stack(np.meshgrid(*self.axes(), indexing="ij"), -1).reshape(-1, 3)
 
 
+def check_spacing(spacing: float) -> None:
+    """Refuse an edge length (m) that no voxel can have: millimetres are a common mistake."""
+    if isinstance(spacing, bool) or not isinstance(spacing, int | float | np.number) or not 1e-3 <= spacing <= 1.0:
+        raise ValueError(f"voxel spacing {spacing} m: give metres between 0.001 and 1, 0.015 is the usual choice")
+
+
 def make_grid(lower: np.ndarray, upper: np.ndarray, spacing: float) -> VoxelGrid:
     """Make the smallest grid that covers a box, with its origin at even multiples of the spacing.
 
@@ -55,8 +61,7 @@ def make_grid(lower: np.ndarray, upper: np.ndarray, spacing: float) -> VoxelGrid
         ValueError: The spacing is out of range, the box is empty or not finite, or the grid does not fit into memory.
     """
     lower, upper = np.asarray(lower, np.float64), np.asarray(upper, np.float64)
-    if not 1e-3 <= spacing <= 1.0:
-        raise ValueError(f"voxel spacing {spacing} m: give metres between 0.001 and 1, 0.015 is the usual choice")
+    check_spacing(spacing)
     if not (np.isfinite(lower).all() and np.isfinite(upper).all() and (upper > lower).all()):
         raise ValueError(f"the box from {lower} to {upper} is empty or not finite")
     first = 2 * np.floor(lower / (2 * spacing) + 1e-9)

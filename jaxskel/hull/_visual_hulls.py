@@ -4,7 +4,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ._grid import VoxelGrid
+from ._grid import VoxelGrid, check_spacing
 
 
 class VisualHulls(eqx.Module):
@@ -41,6 +41,13 @@ class VisualHulls(eqx.Module):
 
 
 def hulls_from_dense(occupancy: Bool[np.ndarray, "frames x y z"], grid: VoxelGrid) -> VisualHulls:
-    """Store dense occupancy, one volume per frame, as `VisualHulls`."""
+    """Store dense occupancy, one volume per frame, as `VisualHulls`.
+
+    Raises:
+        ValueError: The volumes do not have the grid's shape, or its spacing is not in metres.
+    """
+    if occupancy.ndim != 4 or occupancy.shape[1:] != grid.shape:
+        raise ValueError(f"occupancy: has shape {occupancy.shape}; give (frames, {', '.join(map(str, grid.shape))})")
+    check_spacing(grid.spacing)
     voxels = np.argwhere(occupancy.any(0)).astype(np.int32)
     return VisualHulls(voxels, occupancy[:, voxels[:, 0], voxels[:, 1], voxels[:, 2]], grid)

@@ -10,6 +10,7 @@ def dtw(a: Float[Array, " a"], length: Int[Array, ""], b: Float[Array, " b"]) ->
     Handles one pair of sequences; vmap it over pairs. `a` is padded to a fixed length. The two loops unroll: they are
     short (16 by 5 for a skeletal graph), and a batch then runs through plain vector code.
     """
+    a, b = jnp.asarray(a), jnp.asarray(b)
     infinity = jnp.full((), jnp.inf, a.dtype)
     previous = [jnp.zeros((), a.dtype)] + [infinity] * len(b)
     cost = jnp.where(length == 0, previous[-1], infinity)

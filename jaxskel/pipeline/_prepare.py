@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import equinox as eqx
 import numpy as np
@@ -33,7 +34,17 @@ SUBJECT_FRAMES = 24
 _STATURES = (0.8, 2.4)  # m
 
 
-def prepare(recording: Recording, settings: Settings, *, calibrate: bool = True) -> Prepared:
+def check_given(recording: Any, settings: Any) -> None:
+    """Refuse what is no recording, and settings that are none."""
+    if not isinstance(recording, Recording):
+        raise ValueError(
+            f"recording: is a {type(recording).__name__}; give a Recording, as read_recording(path) reads it"
+        )
+    if not isinstance(settings, Settings):
+        raise ValueError(f"settings: is a {type(settings).__name__}; give Settings(), or paper_settings()")
+
+
+def prepare(recording: Recording, settings: Settings | None = None, *, calibrate: bool = True) -> Prepared:
     """Place the grid, project it into the cameras, choose the tolerance of carving, and find template and body.
 
     If the subject's dimensions are unknown, an average adult is scaled to the stature of the hulls. If no body is
@@ -44,6 +55,8 @@ def prepare(recording: Recording, settings: Settings, *, calibrate: bool = True)
         settings: Settings of all stages.
         calibrate: Whether to calibrate a body and prepare the search; hull and graph need neither.
     """
+    settings = settings or Settings()
+    check_given(recording, settings)
     prepared = with_subject(place(recording, settings), recording.silhouettes, settings, calibrate)
     return with_model(prepared, settings) if calibrate else prepared
 

@@ -11,7 +11,7 @@ from ..hull import FRAMES_PER_WORD, Stopwatch
 from ..poses import Poses, Status, join_poses
 from ..recording import Recording
 from ..search import Track
-from ._prepare import prepare
+from ._prepare import check_given, prepare
 from ._prepared import Prepared
 from ._refine import refine
 from ._settings import Settings
@@ -73,6 +73,7 @@ def reconstruct_batches(
 ) -> Iterator[Poses]:
     """Reconstruct a recording batch by batch, in order: for long recordings and progress bars."""
     settings = settings or Settings()
+    check_given(recording, settings)
     prepared = prepared or prepare(recording, settings)
     for poses, _ in batches_from(0, None, recording, settings, prepared, stopwatch):
         yield poses

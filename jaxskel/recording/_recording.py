@@ -21,7 +21,11 @@ class Truth(eqx.Module):
 
 
 class Recording(eqx.Module):
-    """Silhouettes of one person in all views, with the cameras that define the world."""
+    """Silhouettes of one person in all views, with the cameras that define the world.
+
+    Raises:
+        ValueError: The silhouettes are not packed bits of these cameras, or `fps` or `up` makes no sense.
+    """
 
     cameras: Cameras
     silhouettes: Silhouettes
@@ -39,6 +43,22 @@ class Recording(eqx.Module):
     turns: Int[np.ndarray, " cams"] | None = None
     """Rotation of each camera's images after its calibration (degrees, clockwise), where known. `cameras` describe the
     images as they are now."""
+
+    def __check_init__(self):
+        """Reject silhouettes that are not those of the cameras, and facts that make no sense."""
+        width, height = np.asarray(self.cameras.size).max(0).tolist()
+        shape, wanted = self.silhouettes.shape, (len(self.cameras), height, -(-width // 8))
+        kind = getattr(self.silhouettes, "dtype", np.dtype(np.uint8))
+        if len(shape) != 4 or shape[1:] != wanted or kind != np.uint8:
+            raise ValueError(
+                f"{self.name}: silhouettes of shape {tuple(shape)}, {kind}; give packed bits of shape (frames, "
+                f"{', '.join(map(str, wanted))}), as pack_silhouettes makes them of masks"
+            )
+        if len(self.frame_index) != shape[0]:
+            raise ValueError(f"{self.name}: frame_index holds {len(self.frame_index)} numbers for {shape[0]} frames")
+        if not 0 < self.fps < np.inf:
+            raise ValueError(f"{self.name}: fps is {self.fps}; give a positive number of frames per second")
+        rotation_to_z_up(self.up)  # refuses what is no axis
 
     def __len__(self) -> int:
         return len(self.silhouettes)

@@ -7,6 +7,7 @@ In: start poses, the observed graph and outlines, an objective (`terms`), unknow
 from . import parametrisations as parametrisations
 from . import solvers as solvers
 from . import terms as terms
+from ._arguments import check_choices as check_choices
 from ._frames import Refined as Refined
 from ._frames import Solver as Solver
 from ._frames import refine_frame as refine_frame

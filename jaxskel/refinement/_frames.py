@@ -9,8 +9,9 @@ import optimistix as optx
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
-from .._runtime.compile_cache import cached_jit
+from .._runtime.compile_cache import checked_jit
 from ..body import Pose, Skeleton
+from ._arguments import check_frames
 from ._covariance import equations_at, spread
 from .parametrisations import Parametrisation
 from .solvers import NormalEquations, NormalEquationsLM
@@ -82,7 +83,7 @@ def refine_frame(
         base = parametrisation.settled(parametrisation.retract(solution.value, base, skeleton), skeleton)
         return base, (solution.result == optx.RESULTS.successful, solution.stats["num_steps"], covariance)
 
-    start = parametrisation.begin(jax.tree.map(jnp.asarray, initial), skeleton)
+    start = parametrisation.begin(in_precision_of(parametrisation.unknowns(), initial), skeleton)
     base, (converged, steps, covariance) = jax.lax.scan(one_round, start, None, length=rounds)
     costs = objective.costs(parametrisation.placed(base, skeleton), observed)
     costs |= {name: (rows**2).sum() for name, rows in parametrisation.constraint_residuals(base, skeleton).items()}
@@ -93,7 +94,12 @@ def refine_frame(
     return Refined(pose, body.joints, body.tips, covariance[-1], costs, converged[-1] & finite, finite, steps[-1])
 
 
-@cached_jit
+def in_precision_of(unknowns: Float[Array, " unknowns"], initial: Pose) -> Pose:
+    """Start poses in the precision of the unknowns: with ``JAX_ENABLE_X64`` these are doubles."""
+    return jax.tree.map(lambda a: jnp.asarray(a, jnp.promote_types(a.dtype, unknowns.dtype)), initial)
+
+
+@checked_jit(check_frames)
 def refine_frames(
     objective: Objective,
     parametrisation: Parametrisation,

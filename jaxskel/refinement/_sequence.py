@@ -8,10 +8,11 @@ import optimistix as optx
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
-from .._runtime.compile_cache import cached_jit
+from .._runtime.compile_cache import checked_jit
 from ..body import Pose, Skeleton
+from ._arguments import check_sequence
 from ._covariance import joint_covariance
-from ._frames import Refined, Solver
+from ._frames import Refined, Solver, in_precision_of
 from .parametrisations import Parametrisation
 from .solvers import Coupled
 from .terms import Objective, Observed, PlacedBody
@@ -20,7 +21,7 @@ from .terms import Objective, Observed, PlacedBody
 _AT_ONCE = 8
 
 
-@cached_jit
+@checked_jit(check_sequence)
 def refine_sequence(
     objective: Objective,
     parametrisation: Parametrisation,
@@ -62,7 +63,8 @@ def refine_sequence(
         held = {name: (rows**2).sum() for name, rows in parametrisation.constraint_residuals(base, skeleton).items()}
         return objective.costs(parametrisation.placed(base, skeleton), frame) | held
 
-    given = jax.vmap(lambda pose: parametrisation.begin(pose, skeleton))(jax.tree.map(jnp.asarray, initial))
+    poses = in_precision_of(parametrisation.unknowns(), initial)
+    given = jax.vmap(lambda pose: parametrisation.begin(pose, skeleton))(poses)
     before = one_by_one(costs_of, given)
     seen = jax.vmap(lambda each: jnp.isfinite(ravel_pytree(each)[0]).all())((given, before))
     source = _nearest_of(seen)

@@ -55,6 +55,9 @@ def test_a_cell_run_again_is_the_same_function_and_a_changed_one_is_not():
     structure = lambda *args: jax.tree.structure(from_function(*args))  # noqa: E731
     assert structure(cell(), 0.25) == structure(cell(), 0.5)
     assert hash(structure(cell(), 0.25)) == hash(structure(cell(), 0.5))
+    moved = cell("\n\n" + CELL)  # two lines further down
+    assert moved.__code__ != cell().__code__
+    assert structure(moved, 0.25) == structure(cell(), 0.25)
     assert structure(cell(), 0.25) != structure(cell(CELL.replace("- length", "+ length")), 0.25)
     assert structure(cell(), 0.25) != structure(cell(CELL.replace("1e-12", "1e-9")), 0.25)
     assert structure(cell(), 0.25) != structure(cell(CELL.replace("joints[8]", "joints[7]")), 0.25)

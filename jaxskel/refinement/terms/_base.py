@@ -1,6 +1,7 @@
 """Base classes of the terms: the placed body, the observed frame, the weighted objective."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -39,6 +40,19 @@ class Observed(eqx.Module):
     """Viewing rays through the outlines of the silhouettes."""
     silhouettes: SilhouetteDistances | None = None
     """Signed distance to each silhouette (m)."""
+    data: dict[str, Float[Array | np.ndarray, "..."]] = eqx.field(default_factory=dict)
+    """What else is known of each frame, by names of your own, see `with_data`."""
+
+    def with_data(self, **data: Any) -> "Observed":
+        """The same with more data, for terms of your own: arrays with the frames axis first, NaN where missing."""
+        found = {name: jnp.asarray(array, jnp.float32) for name, array in data.items()}
+        frames = self.neck.shape[:-1]
+        for name, array in found.items():
+            if array.shape[: len(frames)] != frames:
+                raise ValueError(
+                    f"{name}: has shape {array.shape}, but there are {frames[0]} frames; give one row for each frame"
+                )
+        return replace(self, data=self.data | found)
 
     def of(self, frame: Int[Array, ""]) -> "Observed":
         """One frame of a stack on the device, without copying its silhouettes."""
@@ -63,6 +77,11 @@ def number(value: Any) -> Float[Array, "..."]:
     """A term's number as an array of floats: an integer would have another type and compile again."""
     array = jnp.asarray(value)
     return array if jnp.issubdtype(array.dtype, jnp.inexact) else array.astype(jnp.result_type(float))
+
+
+def _array(leaf: Any) -> Any:
+    """A Python float as an array: with another value, nothing is compiled again."""
+    return number(leaf) if isinstance(leaf, float) else leaf
 
 
 class AbstractTerm(eqx.Module):
@@ -103,7 +122,7 @@ class AbstractCoupling(eqx.Module):
 class Objective(eqx.Module):
     """A named collection of weighted terms. New weights or data of the same shapes do not compile again."""
 
-    terms: dict[str, AbstractTerm | AbstractCoupling]
+    terms: dict[str, AbstractTerm | AbstractCoupling] = eqx.field(converter=lambda terms: jax.tree.map(_array, terms))
 
     def plus(self, **terms: AbstractTerm | AbstractCoupling) -> "Objective":
         """The objective with more terms; a term replaces one of the same name."""

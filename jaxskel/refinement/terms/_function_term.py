@@ -17,12 +17,18 @@ from ._base import AbstractTerm, Observed, PlacedBody, number
 class Code:
     """A function that equals another with the same code, so that re-running a notebook cell does not compile again.
 
+    In which lines of which file the code stands does not matter.
+
     The outer variables that the code uses are compared too, so none of them may be an array.
     """
 
     def __init__(self, function: FunctionType):
         self.function = function
-        self._key = (function.__code__, function.__defaults__, tuple((function.__kwdefaults__ or {}).items()))
+        self._key = (
+            _anywhere(function.__code__),
+            function.__defaults__,
+            tuple((function.__kwdefaults__ or {}).items()),
+        )
         self._key += tuple(_surroundings(function))
         try:
             hash(self._key)
@@ -90,6 +96,12 @@ def from_function(
         raise ValueError(f"{function!r} is no plain function; write one, or a Module derived from AbstractTerm")
     given = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.result_type(float)), parameters)
     return FunctionTerm(Code(function), given, weight, (needs_graph, needs_outlines))
+
+
+def _anywhere(code: CodeType) -> CodeType:
+    """The same code without the lines and the file that it stands in."""
+    inner = tuple(_anywhere(each) if isinstance(each, CodeType) else each for each in code.co_consts)
+    return code.replace(co_consts=inner, co_firstlineno=1, co_linetable=b"", co_filename="")
 
 
 def _surroundings(function: FunctionType) -> Iterator[tuple[str, type, Any]]:

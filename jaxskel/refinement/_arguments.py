@@ -1,0 +1,166 @@
+"""Checks the arguments of a refinement: what is compiled would fail far away from the mistake, or not at all."""
+
+from typing import Any
+
+import jax
+import optimistix as optx
+
+from ..body import Body, Pose, Skeleton
+from .parametrisations import Parametrisation
+from .solvers import BandedEquations, NormalEquationsLM
+from .terms import FunctionTerm, Objective, Observed
+
+
+def check_frames(
+    objective: Any,
+    parametrisation: Any,
+    solver: Any,
+    skeleton: Any,
+    initial: Any,
+    observed: Any,
+    rounds: Any = 1,
+    max_steps: Any = 1,
+) -> None:
+    """Refuse arguments of `refine_frames` that make no sense.
+
+    Raises:
+        ValueError: One line that names the argument.
+    """
+    _check(objective, parametrisation, solver, skeleton, initial, observed, rounds, max_steps)
+    if isinstance(solver, NormalEquationsLM) and solver.equations is BandedEquations:
+        raise ValueError("solver: sequence_solver() couples frames; give default_solver(), or call refine_sequence")
+
+
+def check_sequence(
+    objective: Any,
+    parametrisation: Any,
+    solver: Any,
+    skeleton: Any,
+    initial: Any,
+    observed: Any,
+    rounds: Any = 1,
+    max_steps: Any = 1,
+) -> None:
+    """Refuse arguments of `refine_sequence` that make no sense.
+
+    Raises:
+        ValueError: One line that names the argument.
+    """
+    _check(objective, parametrisation, solver, skeleton, initial, observed, rounds, max_steps)
+
+
+def check_choices(objective: Any, parametrisation: Any, solver: Any, rounds: Any, max_steps: Any) -> None:
+    """Refuse an objective, a parametrisation, a solver or numbers that no refinement can work with.
+
+    Raises:
+        ValueError: One line that names the argument.
+    """
+    methods = ("residuals", "correspond", "costs", "couplings")
+    if isinstance(objective, type) or not all(hasattr(objective, name) for name in methods):
+        raise ValueError(f"objective: is {_told(objective)}; give an Objective, such as paper_objective()")
+    if isinstance(objective, Objective):
+        for name, term in objective.terms.items():
+            if isinstance(term, type) or not hasattr(term, "residual"):
+                raise ValueError(f"objective: its term {name!r} is {_told(term)}; give a term, such as RestPrior()")
+    if isinstance(parametrisation, type) or not isinstance(parametrisation, Parametrisation):
+        raise ValueError(f"parametrisation: is {_told(parametrisation)}; give one, such as HingedLimbs()")
+    if isinstance(solver, optx.NelderMead):
+        raise ValueError(
+            "solver: NelderMead ends where it starts, in a simplex of a quarter of a millimetre; give BFGS"
+        )
+    if not isinstance(solver, optx.AbstractLeastSquaresSolver | optx.AbstractMinimiser):
+        raise ValueError(
+            f"solver: is {_told(solver)}; give a least-squares solver or minimiser of Optimistix, such as "
+            "default_solver()"
+        )
+    for name, count in (("rounds", rounds), ("max_steps", max_steps)):
+        if isinstance(count, bool) or not isinstance(count, int) or count < 1:
+            raise ValueError(f"{name}: is {count!r}; give a whole number, 1 or more")
+
+
+def _check(
+    objective: Any,
+    parametrisation: Any,
+    solver: Any,
+    skeleton: Any,
+    initial: Any,
+    observed: Any,
+    rounds: Any,
+    max_steps: Any,
+) -> None:
+    check_choices(objective, parametrisation, solver, rounds, max_steps)
+    if isinstance(skeleton, Body):
+        raise ValueError("skeleton: is a Body; give its skeleton, body.skeleton")
+    for name, value, kind in (
+        ("skeleton", skeleton, Skeleton),
+        ("initial", initial, Pose),
+        ("observed", observed, Observed),
+    ):
+        if not isinstance(value, kind):
+            raise ValueError(f"{name}: is {_told(value)}; give a {kind.__name__}")
+    if initial.root.ndim != 2:
+        raise ValueError(f"initial: has roots of shape {initial.root.shape}; give one row for each frame, (frames, 3)")
+    frames = len(initial.root)
+    for name, tree in (("initial", initial), ("observed", observed)):
+        for leaf in jax.tree.leaves(tree):
+            if leaf.ndim == 0 or len(leaf) != frames:
+                raise ValueError(
+                    f"{name}: holds an array of shape {leaf.shape}, but initial has {frames} poses; give the same "
+                    "frames in both"
+                )
+    if isinstance(objective, Objective):
+        for name, term in objective.terms.items():
+            if isinstance(term, FunctionTerm):
+                _check_parameters(name, term, parametrisation, skeleton, initial, observed)
+
+
+def _check_parameters(
+    name: str,
+    term: FunctionTerm,
+    parametrisation: Parametrisation,
+    skeleton: Skeleton,
+    initial: Pose,
+    observed: Observed,
+) -> None:
+    """Refuse a parameter with a row for each frame: a term sees one frame, and would be pulled to all rows at once."""
+    frames, leaves = len(initial.root), jax.tree.leaves(term.parameters)
+    if frames == 1 or all(leaf.ndim == 0 or len(leaf) != frames for leaf in leaves):
+        return
+
+    def size(rows: bool) -> int:
+        """Number of residuals of one frame, with the whole parameters or with one row of each."""
+
+        def of_one_row(leaf: Any) -> Any:
+            return leaf[0] if rows and leaf.ndim and len(leaf) == frames else leaf
+
+        def residual(pose: Pose, observed: Observed) -> Any:
+            body = parametrisation.placed(parametrisation.begin(pose, skeleton), skeleton)
+            return term.function(body, observed, *jax.tree.map(of_one_row, term.parameters))
+
+        return sum(leaf.size for leaf in jax.tree.leaves(jax.eval_shape(residual, *_first((initial, observed)))))
+
+    try:
+        whole, by_row = size(rows=False), size(rows=True)
+    except (TypeError, ValueError, IndexError):  # it cannot take rows, so it means the whole array
+        return
+    if whole == frames * by_row:
+        shapes = ", ".join(str(leaf.shape) for leaf in leaves if leaf.ndim and len(leaf) == frames)
+        raise ValueError(
+            f"objective: a parameter of its term {name!r} has one row for each of the {frames} frames ({shapes}), but "
+            "a term sees one frame; give it with the frames, observed.with_data(name=array), and read "
+            "observed.data['name']"
+        )
+
+
+def _first(tree: Any) -> Any:
+    """The shapes of the first member of a stack."""
+    return jax.tree.map(lambda a: jax.ShapeDtypeStruct(a.shape[1:], a.dtype), tree)
+
+
+def _told(value: Any) -> str:
+    """What a value is, in a few words."""
+    if isinstance(value, type):
+        return f"the class {value.__name__}, not an instance of it"
+    if callable(value) and hasattr(value, "__name__"):
+        return f"the function {value.__name__}"
+    return f"a {type(value).__name__}"
