@@ -8,6 +8,7 @@ import jax
 from platformdirs import user_cache_path
 
 from .compile_cache import processor
+from .kinds import check_kind
 from .private_folders import is_private, make_private, say_shared
 
 
@@ -21,6 +22,7 @@ def keep_compiled(folder: str | Path | None = None) -> None:
         folder: Where to keep them; by default the folder of ``JAX_COMPILATION_CACHE_DIR``, and without that the
             command line's, in the user's cache folder.
     """
+    check_kind("folder", folder, str | Path | None, "the path of a folder, or None")
     told = os.environ.get("JAX_COMPILATION_CACHE_DIR") if folder is None else None
     if told == "" or (told is not None and "://" in told):  # disabled, or a cloud bucket
         return

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._runtime.compile_cache import quickly_compiled
+from .._runtime.kinds import check_kind
 from ._skeleton import (
     JOINT_NAMES,
     PIVOT_NAMES,
@@ -171,6 +172,7 @@ def make_body(skeleton: Skeleton) -> Body:
     Radii, and shifts of the flesh from the joint centres, are fractions of the stature: means over a man and a
     woman (two skinned meshes), fitted to their visual hulls at known joints.
     """
+    check_kind("skeleton", skeleton, Skeleton, "a Skeleton, such as default_adult()")
     # NumPy arrays are computed in double precision. Traced arrays keep their type, so that derivatives pass through.
     xp = skeleton.rest_joints.__array_namespace__()
     points = xp.concatenate([skeleton.rest_joints, skeleton.rest_tips, skeleton.pivots])

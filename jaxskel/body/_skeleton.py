@@ -11,6 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._runtime.kinds import check_number
+
 JOINT_NAMES = (
     "pelvis", "neck", "head",
     "l_shoulder", "l_elbow", "l_hand", "r_shoulder", "r_elbow", "r_hand",
@@ -236,6 +238,7 @@ def default_adult(stature: float = 1.72) -> Skeleton:
     Human Movement*. The middle of the head is as far below its top as in the man and the woman of
     [`make_body`][jaxskel.make_body]. The arms hang 30 degrees away from the trunk.
     """
+    check_number("stature", stature, 0.0, np.inf, "a height in metres, such as 1.72")
     arm = np.array([0.0, np.sin(np.pi / 6), -np.cos(np.pi / 6)])
     side = {"shoulder": np.array([0.0, 0.105, 0.810]), "hip": np.array([0.0, 0.052, 0.525])}
     side["elbow"] = side["shoulder"] + 0.162 * arm

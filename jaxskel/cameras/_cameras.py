@@ -146,6 +146,8 @@ def project(
         u and v (px) and the depth along the optical axis (m). u and v are NaN where a camera cannot see the point:
         behind it, or beyond the radius at which its distortion folds back.
     """
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise ValueError(f"points: have shape {points.shape}; give (points, 3) world coordinates (m)")
     right, low, depth = in_cameras(cameras, points)
     return *on_images(cameras, right, low, depth), depth
 

@@ -163,6 +163,12 @@ def carve(
         The occupied voxels of every frame, on the table's grid.
     """
     frames, cams = silhouettes.shape[:2]
+    wanted = len(table.footprints), table.size[0], table.size[1] // 8
+    if silhouettes.shape[1:] != wanted or silhouettes.dtype != np.uint8:
+        raise ValueError(
+            f"silhouettes: have shape {silhouettes.shape}, {silhouettes.dtype}; give packed bits of shape (frames, "
+            f"{', '.join(map(str, wanted))}), as the table is made for"
+        )
     empty_views = np.zeros((frames, cams), bool) if empty_views is None else empty_views
     found = []
     for start in range(0, frames, at_once):

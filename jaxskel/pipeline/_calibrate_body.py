@@ -24,7 +24,7 @@ from ..hull import FRAMES_PER_WORD
 from ..matching import estimate_stature
 from ..recording import Recording
 from ._observe_batch import Observation, label_graphs, look_at_outlines, observe_batch
-from ._prepare import prepare
+from ._prepare import check_given, prepare
 from ._prepared import Costs
 from ._settings import Settings
 from ._subject import OTHER_SIZES, Sight, find_subject, sight_of
@@ -107,6 +107,7 @@ def calibrate_body(
         ValueError: Fewer than 8 of the frames show one whole person, or the settings have no search.
     """
     settings = settings or Settings()
+    check_given(recording, settings)
     if settings.search is None:
         raise ValueError("calibrate_body: the settings have no search for poses; give Settings(search=Search())")
     on_stage(STAGES[0])

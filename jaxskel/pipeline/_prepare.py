@@ -7,6 +7,7 @@ from typing import Any
 import equinox as eqx
 import numpy as np
 
+from .._runtime.kinds import check_kind
 from .._runtime.steps import Steps, finished
 from ..body import Skeleton, default_adult, flesh_prior, make_body, people_prior
 from ..cameras import Cameras
@@ -36,12 +37,8 @@ _STATURES = (0.8, 2.4)  # m
 
 def check_given(recording: Any, settings: Any) -> None:
     """Refuse what is no recording, and settings that are none."""
-    if not isinstance(recording, Recording):
-        raise ValueError(
-            f"recording: is a {type(recording).__name__}; give a Recording, as read_recording(path) reads it"
-        )
-    if not isinstance(settings, Settings):
-        raise ValueError(f"settings: is a {type(settings).__name__}; give Settings(), or paper_settings()")
+    check_kind("recording", recording, Recording, "a Recording, as read_recording(path) reads it")
+    check_kind("settings", settings, Settings, "Settings(), or paper_settings()")
 
 
 def prepare(recording: Recording, settings: Settings | None = None, *, calibrate: bool = True) -> Prepared:

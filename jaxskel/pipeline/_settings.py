@@ -7,6 +7,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
+from .._runtime.kinds import check_count, check_kind, check_number
 from ..body import Body, default_adult, make_body
 from ..graph import MIN_BRANCH, HeadBall, HighestVoxel, RootFinder, Skeletoniser, VoxelScooping
 from ..hull import check_spacing
@@ -38,8 +39,8 @@ class HullSettings(eqx.Module):
         if self.box is not None and np.shape(self.box) != (2, 3):
             raise ValueError(f"box: has shape {np.shape(self.box)}; give the lower and the upper corner, (2, 3)")
         for name, count, least in (("min_views", self.min_views, 1), ("max_misses", self.max_misses, 0)):
-            if count is not None and (isinstance(count, bool) or not isinstance(count, int) or count < least):
-                raise ValueError(f"{name}: is {count!r}; give a whole number, {least} or more, or None")
+            if count is not None:
+                check_count(name, count, least)
 
 
 class GraphSettings(eqx.Module):
@@ -53,6 +54,12 @@ class GraphSettings(eqx.Module):
     """Branches of the graph shorter than this are pruned (m). With 0.20, 0.24 and 0.28 m, the labelled graph alone gets
     25.1, 22.9 and 25.0 % of the hands wrong on the twenty test sequences: see `benchmarks/defaults.py`."""
 
+    def __check_init__(self):
+        """Reject classes for instances, and millimetres."""
+        check_kind("skeletoniser", self.skeletoniser, Skeletoniser, "one, such as VoxelScooping()")
+        check_kind("root_finder", self.root_finder, RootFinder, "one, such as HeadBall()")
+        check_number("min_branch", self.min_branch, 0.0, 2.0, "a length in metres, such as 0.24")
+
 
 class MatchingSettings(eqx.Module):
     """How the end nodes of the graph are labelled (Sect. 3.2)."""
@@ -63,6 +70,12 @@ class MatchingSettings(eqx.Module):
     """Labels whose geodesic distances describe neck and pelvis (Eq. 5). Without hands, and with them as in the paper,
     the labelled graph alone has a median error of 44 and 56 mm on three test sequences, and 31.9 % of the hands wrong
     in both cases: see `benchmarks/defaults.py`."""
+
+    def __check_init__(self):
+        """Reject classes for instances, and labels that there are not."""
+        check_kind("matcher", self.matcher, Matcher, "one, such as DtwMatcher()")
+        if not self.descriptor or not set(self.descriptor) <= set(PAPER_DESCRIPTOR):
+            raise ValueError(f"descriptor: is {self.descriptor!r}; give some labels of {PAPER_DESCRIPTOR}")
 
 
 class RefinementSettings(eqx.Module):
@@ -116,6 +129,13 @@ class Settings(eqx.Module):
 
     def __check_init__(self):
         """Reject combinations that cannot work."""
+        check_kind("hull", self.hull, HullSettings, "HullSettings(...)")
+        check_kind("graph", self.graph, GraphSettings, "GraphSettings(...)")
+        check_kind("matching", self.matching, MatchingSettings, "MatchingSettings(...)")
+        check_kind("search", self.search, Search | None, "Search(...) or None")
+        check_kind("tracking", self.tracking, Tracking | None, "Tracking(...) or None")
+        check_kind("body", self.body, Body | None, "a Body, such as make_body(skeleton), or None")
+        check_kind("refinement", self.refinement, RefinementSettings, "RefinementSettings(...)")
         if self.search is not None:
             return
         if self.tracking is not None:

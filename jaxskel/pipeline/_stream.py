@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from .._runtime.batching import single_precision
+from .._runtime.kinds import check_count, check_kind
 from ..body import Body, Skeleton
 from ..cameras import Cameras
 from ..hull import body_middles
@@ -74,10 +75,13 @@ class Stream:
         up: str = "+Z",
         fps: float = 30.0,
     ):
+        check_kind("cameras", cameras, Cameras, "Cameras, as a recording has them")
+        check_kind("settings", settings, Settings | None, "Settings(...) or None")
+        check_kind("subject", subject, Body | Skeleton | None, "a Body, as read_body(path) reads it, or a Skeleton")
         if len(cameras) < MIN_VIEWS:
             raise ValueError(f"a stream of {len(cameras)} cameras: give {MIN_VIEWS} or more")
-        if not 0 < fps < np.inf:
-            raise ValueError(f"a stream of {fps} frames per second: give a positive number")
+        if isinstance(fps, str) or not 0 < fps < np.inf:
+            raise ValueError(f"fps: a stream of {fps!r} frames per second; give a positive number")
         rotation_to_z_up(up)  # refuses what is no axis
         settings = streaming(settings)
         if isinstance(subject, Body):
@@ -119,7 +123,8 @@ class Stream:
         Raises:
             ValueError: The masks are not those of the cameras.
         """
-        silhouettes = _packed(masks, self._empty)
+        silhouettes = _packed(np.asarray(masks), self._empty)
+        check_count("skipped", skipped, 0)
         prepared = self._prepared_for(silhouettes)
         settings = self._settings_for(prepared.body)
         self._put_off = self._put_off + 1 if hurry and self._put_off < self._empty.fps else 0

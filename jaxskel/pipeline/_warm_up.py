@@ -6,6 +6,7 @@ from dataclasses import replace
 import equinox as eqx
 import numpy as np
 
+from .._runtime.kinds import check_kind
 from ..body import Body, Skeleton, default_adult, make_body, place_body
 from ..cameras import Cameras, make_cameras
 from ..hull import carve, most_misses, projection_table
@@ -30,6 +31,7 @@ def warm_up(cameras: Cameras, settings: Settings | None = None, subject: Body | 
         settings: As for `Stream`.
         subject: As for `Stream`; only what is known matters, not who it is.
     """
+    check_kind("cameras", cameras, Cameras, "Cameras, as a recording has them")
     settings = streaming(settings)
     rig = _ring_like(cameras)
     adult = default_adult()

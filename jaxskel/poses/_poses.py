@@ -7,6 +7,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from .._runtime.kinds import check_kind
 from ..body import SEGMENT_PARENTS, Pose, Skeleton
 
 
@@ -115,7 +116,9 @@ class Poses(eqx.Module):
 
 def join_poses(parts: Iterable[Poses]) -> Poses:
     """Put consecutive parts of one recording together; the skeleton is that of the first one."""
-    parts = list(parts)
+    parts = [parts] if isinstance(parts, Poses) else list(parts)
+    for part in parts:
+        check_kind("parts", part, Poses, "the Poses of consecutive parts")
     if not parts:
         raise ValueError("join_poses: no parts given")
 

@@ -4,6 +4,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
+from .._runtime.kinds import told
 from ..body import Skeleton
 from ..cameras import Cameras
 from ._silhouettes import Silhouettes
@@ -76,11 +77,18 @@ class Recording(eqx.Module):
 
 def pack_silhouettes(masks: Bool[np.ndarray, "frames cams h w"]) -> UInt8[np.ndarray, "frames cams h w8"]:
     """Pack boolean masks (True = person) into the bits that a `Recording` holds."""
+    if not isinstance(masks, np.ndarray) or masks.ndim != 4 or masks.dtype.kind not in "biu":
+        what = f"of shape {masks.shape}, {masks.dtype}" if isinstance(masks, np.ndarray) else told(masks)
+        raise ValueError(f"masks: are {what}; give booleans of shape (frames, cams, h, w)")
     return np.packbits(masks, axis=-1)
 
 
 def unpack_silhouettes(packed: UInt8[np.ndarray, "*batch h w8"], width: int) -> Bool[np.ndarray, "*batch h w"]:
     """Unpack bits into boolean masks of the given width (px)."""
+    if packed.dtype != np.uint8 or not 8 * packed.shape[-1] - 7 <= width <= 8 * packed.shape[-1]:
+        raise ValueError(
+            f"packed: {packed.shape[-1]} of {packed.dtype} in a row do not hold {width} pixels; give its width"
+        )
     return np.unpackbits(packed, axis=-1, count=width).view(bool)
 
 

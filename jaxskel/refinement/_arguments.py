@@ -5,6 +5,7 @@ from typing import Any
 import jax
 import optimistix as optx
 
+from .._runtime.kinds import check_count, check_kind, told
 from ..body import Body, Pose, Skeleton
 from .parametrisations import Parametrisation
 from .solvers import BandedEquations, NormalEquationsLM
@@ -57,25 +58,16 @@ def check_choices(objective: Any, parametrisation: Any, solver: Any, rounds: Any
     """
     methods = ("residuals", "correspond", "costs", "couplings")
     if isinstance(objective, type) or not all(hasattr(objective, name) for name in methods):
-        raise ValueError(f"objective: is {_told(objective)}; give an Objective, such as paper_objective()")
-    if isinstance(objective, Objective):
-        for name, term in objective.terms.items():
-            if isinstance(term, type) or not hasattr(term, "residual"):
-                raise ValueError(f"objective: its term {name!r} is {_told(term)}; give a term, such as RestPrior()")
-    if isinstance(parametrisation, type) or not isinstance(parametrisation, Parametrisation):
-        raise ValueError(f"parametrisation: is {_told(parametrisation)}; give one, such as HingedLimbs()")
+        raise ValueError(f"objective: is {told(objective)}; give an Objective, such as paper_objective()")
+    check_kind("parametrisation", parametrisation, Parametrisation, "one, such as HingedLimbs()")
     if isinstance(solver, optx.NelderMead):
         raise ValueError(
             "solver: NelderMead ends where it starts, in a simplex of a quarter of a millimetre; give BFGS"
         )
-    if not isinstance(solver, optx.AbstractLeastSquaresSolver | optx.AbstractMinimiser):
-        raise ValueError(
-            f"solver: is {_told(solver)}; give a least-squares solver or minimiser of Optimistix, such as "
-            "default_solver()"
-        )
-    for name, count in (("rounds", rounds), ("max_steps", max_steps)):
-        if isinstance(count, bool) or not isinstance(count, int) or count < 1:
-            raise ValueError(f"{name}: is {count!r}; give a whole number, 1 or more")
+    some = "a least-squares solver or minimiser of Optimistix, such as default_solver()"
+    check_kind("solver", solver, optx.AbstractLeastSquaresSolver | optx.AbstractMinimiser, some)
+    check_count("rounds", rounds)
+    check_count("max_steps", max_steps)
 
 
 def _check(
@@ -91,13 +83,9 @@ def _check(
     check_choices(objective, parametrisation, solver, rounds, max_steps)
     if isinstance(skeleton, Body):
         raise ValueError("skeleton: is a Body; give its skeleton, body.skeleton")
-    for name, value, kind in (
-        ("skeleton", skeleton, Skeleton),
-        ("initial", initial, Pose),
-        ("observed", observed, Observed),
-    ):
-        if not isinstance(value, kind):
-            raise ValueError(f"{name}: is {_told(value)}; give a {kind.__name__}")
+    check_kind("skeleton", skeleton, Skeleton, "a Skeleton")
+    check_kind("initial", initial, Pose, "a Pose with a frames axis")
+    check_kind("observed", observed, Observed, "the Observed of the same frames")
     if initial.root.ndim != 2:
         raise ValueError(f"initial: has roots of shape {initial.root.shape}; give one row for each frame, (frames, 3)")
     frames = len(initial.root)
@@ -140,7 +128,8 @@ def _check_parameters(
         return sum(leaf.size for leaf in jax.tree.leaves(jax.eval_shape(residual, *_first((initial, observed)))))
 
     try:
-        whole, by_row = size(rows=False), size(rows=True)
+        with jax.numpy_rank_promotion("allow"):
+            whole, by_row = size(rows=False), size(rows=True)
     except (TypeError, ValueError, IndexError):  # it cannot take rows, so it means the whole array
         return
     if whole == frames * by_row:
@@ -155,12 +144,3 @@ def _check_parameters(
 def _first(tree: Any) -> Any:
     """The shapes of the first member of a stack."""
     return jax.tree.map(lambda a: jax.ShapeDtypeStruct(a.shape[1:], a.dtype), tree)
-
-
-def _told(value: Any) -> str:
-    """What a value is, in a few words."""
-    if isinstance(value, type):
-        return f"the class {value.__name__}, not an instance of it"
-    if callable(value) and hasattr(value, "__name__"):
-        return f"the function {value.__name__}"
-    return f"a {type(value).__name__}"

@@ -10,6 +10,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._runtime.batching import single_precision
 from ..body import Pose, Skeleton
+from ._arguments import check_frames
 from ._frames import Solver, refine_frames
 from .parametrisations import Parametrisation
 from .solvers import NormalEquationsLM
@@ -72,9 +73,12 @@ def learn_weights(
     """
     from scipy.optimize import minimize  # imported here, because it takes a while and is needed here only
 
+    solver = NormalEquationsLM(rtol=1e-4, atol=1e-5) if solver is None else solver
+    check_frames(objective, parametrisation, solver, skeleton, initial, observed, rounds, max_steps)
+    if np.shape(labels) != (len(initial.root), 15, 3):
+        raise ValueError(f"labels: have shape {np.shape(labels)}; give ({len(initial.root)}, 15, 3), NaN where unknown")
     if not np.isfinite(labels).all(-1).any():
         raise ValueError("labels: every joint is NaN; give true joints (m) of a few frames")
-    solver = solver or NormalEquationsLM(rtol=1e-4, atol=1e-5)
     names = sorted(objective.terms)  # the order in which JAX stores them
     start = np.array([float(objective.terms[name].weight) for name in names])
     options = parametrisation, solver, rounds, max_steps

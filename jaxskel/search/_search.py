@@ -14,6 +14,7 @@ from jaxtyping import Array, Int
 
 from .._runtime.batching import length_of, on_device, single_precision, take
 from .._runtime.compile_cache import quickly_compiled
+from .._runtime.kinds import check_count, check_number
 from .._runtime.steps import Steps, finished
 from ..body import BALL_NAMES, LINKS, SEGMENT_NAMES, Body, Pose, Skeleton, limb_capsules, place_joints
 from ..refinement.terms import Objective, Observed, volume_objective
@@ -71,6 +72,14 @@ class Search(eqx.Module):
     """Largest number of times that each arm is removed and searched for again; stops when the cost no longer falls."""
     doubtful: float = 45.0
     """Above this cost the legs are searched for too, and then the search starts again from the fallback poses."""
+
+    def __check_init__(self):
+        """Reject numbers that make no sense."""
+        for name in ("rough_steps", "starts", "leg_steps", "trunks", "pairs", "singles", "steps"):
+            check_count(name, getattr(self, name))
+        check_count("again", self.again, 0)
+        for name in ("trunk_margin", "margin"):
+            check_number(name, getattr(self, name), 0.0, np.inf, "a cost, zero or more")
 
     def relative_to(self, low: float | None) -> "Search":
         """The same search with `doubtful` set relative to `low`, the cost of this recording's cheapest frames."""

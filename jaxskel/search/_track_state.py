@@ -7,6 +7,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
+from .._runtime.kinds import check_count, check_number
 from .._runtime.steps import Steps
 from ..body import Pose
 
@@ -20,6 +21,12 @@ class Tracking(eqx.Module):
     """Steps of the fit that starts at the pose of the frame before."""
     margin: float = 2.0
     """Hysteresis: the track switches to another pose only if that is cheaper by this cost."""
+
+    def __check_init__(self):
+        """Reject numbers that make no sense."""
+        check_number("interval", self.interval, 0.0, np.inf, "a time in seconds, such as 0.25")
+        check_count("steps", self.steps)
+        check_number("margin", self.margin, 0.0, np.inf, "a cost, zero or more")
 
 
 class Searched(NamedTuple):

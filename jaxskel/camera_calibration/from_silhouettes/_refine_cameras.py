@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
 from ..._runtime.batching import single_precision
+from ..._runtime.kinds import check_kind
 from ...cameras import Cameras, ExtrinsicChange, changed, nameless, no_change
 from ...hull import body_middles
 from ...recording import MIN_VIEWS, Recording, find_empty_views, silhouette_areas
@@ -92,6 +93,7 @@ def refine_cameras(
     Raises:
         ValueError: A frame that the recording does not have, or an invalid standard deviation.
     """
+    check_kind("recording", recording, Recording, "a Recording, as read_recording(path) reads it")
     for name, value in (("rotation_sd", rotation_sd), ("shift_sd", shift_sd)):
         if not 0 < value < np.inf:
             raise ValueError(f"{name} {value}: give a standard deviation above zero, in radians or metres")

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from ..._runtime.kinds import check_kind
 from ...recording import Recording
 from ._folders import RECORDING_FILE, read_folder
 from ._sequence_file import IN_MEMORY, read_sequence_file
@@ -18,6 +19,7 @@ def read_recording(path: str | Path, in_memory: int = IN_MEMORY) -> Recording:
     Raises:
         ValueError: One line that names the file, the key and how to mend it.
     """
+    check_kind("path", path, str | Path, "the path of a file or of a folder")
     path = Path(path)
     if path.is_dir():
         return read_folder(path, in_memory)

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from ..._runtime.kinds import check_number, told
 from ...body import Pose, Skeleton, place_segments
 from ...outlines import Contours, SilhouetteDistances
 
@@ -124,6 +125,12 @@ class Objective(eqx.Module):
 
     terms: dict[str, AbstractTerm | AbstractCoupling] = eqx.field(converter=lambda terms: jax.tree.map(_array, terms))
 
+    def __check_init__(self):
+        """Reject what is no term."""
+        for name, term in self.terms.items():
+            if isinstance(term, type) or not hasattr(term, "residual"):
+                raise ValueError(f"objective: its term {name!r} is {told(term)}; give a term, such as RestPrior()")
+
     def plus(self, **terms: AbstractTerm | AbstractCoupling) -> "Objective":
         """The objective with more terms; a term replaces one of the same name."""
         return Objective(self.terms | terms)
@@ -136,6 +143,9 @@ class Objective(eqx.Module):
     def weighted(self, **weights: Any) -> "Objective":
         """The objective with other weights for some terms."""
         self._check(weights)
+        for name, weight in weights.items():
+            if not isinstance(weight, jax.Array):
+                check_number(name, weight, 0.0, np.inf, "a weight, zero or more")
         found = {name: number(weight) for name, weight in weights.items()}
         changed = {name: eqx.tree_at(lambda t: t.weight, self.terms[name], found[name]) for name in found}
         return Objective(self.terms | changed)
