@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from .._math.vectors import unit
-from .._runtime.kinds import check_kind, check_number
+from .._runtime.kinds import check_kind
 from ..body import JOINT_PARENTS, TIP_PARENTS
 from ._poses import Poses
 from ._smooth_rotations import filtered_poses
@@ -31,7 +31,7 @@ def smooth(poses: Poses, cutoff: float) -> Poses:
         ValueError: The cutoff is not between 0 and half of the frame rate.
     """
     check_kind("poses", poses, Poses, "the Poses of consecutive frames")
-    check_number("cutoff", cutoff, -np.inf, np.inf, "a frequency in hertz")
+    check_kind("cutoff", cutoff, int | float | np.number, "a frequency in hertz")
     if not 0 < cutoff < poses.fps / 2:
         raise ValueError(f"cutoff {cutoff:g} Hz: give one between 0 and {poses.fps / 2:g} Hz, half of the frame rate")
     from scipy import signal  # takes a third of a second, and few smooth

@@ -14,6 +14,7 @@ from jaxskel.synthetic import camera_ring, make_scene
 __all__ = ["folder"]  # a fixture
 
 
+@pytest.mark.slow
 def test_a_stream_finds_everything_compiled(folder: Path, monkeypatch: pytest.MonkeyPatch):
     scene = make_scene(12, fps=1.0, cameras=camera_ring(4, radius=5.0, size=(176, 120)))
     warm_up(scene.cameras, paper_settings())

@@ -45,6 +45,7 @@ def problem():
         return number, (objective, observed, doubled(ADULT))
 
 
+@pytest.mark.slow
 def test_the_solve_converges_to_rounding(problem):
     number, given = problem
     with jax.enable_x64(True):
@@ -60,6 +61,7 @@ PLACES = {
 }
 
 
+@pytest.mark.slow
 def test_gradients_are_finite_differences_of_whole_solves(problem):
     number, given = problem
     with jax.enable_x64(True):

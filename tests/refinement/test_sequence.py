@@ -137,6 +137,7 @@ def test_any_matrix_free_solver_comes_to_the_same_cost():
         np.testing.assert_allclose(other[name], banded[name], rtol=0.02)
 
 
+@pytest.mark.slow
 def test_a_gap_is_bridged_and_told():
     observed = markers(0.0)
     gap = [4, 5, 6]

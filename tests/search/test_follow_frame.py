@@ -78,6 +78,7 @@ def raised_arm(pose: Pose) -> Pose:
     return Pose(pose.root, rotations)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("cost", "better"), [(3.0, True), (98.5, False)])
 def test_what_a_search_found_is_carried_to_the_frame_that_has_come(filmed, cost, better):
     model = make_model(BODY)
@@ -100,6 +101,7 @@ def test_what_a_search_found_is_carried_to_the_frame_that_has_come(filmed, cost,
         assert np.linalg.norm(joints_of(offer.poses)[0] - filmed.joints[6], axis=-1).max() < 0.08
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("cost", "frames"), [(3.0, 5), (6.0, 3)])
 def test_a_search_rests_in_every_other_frame_while_all_is_as_usual(filmed, cost, frames):
     """The search has three steps; the second cost is above the usual one by more than the margin."""

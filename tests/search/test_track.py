@@ -52,6 +52,7 @@ def test_a_walk_is_followed_over_the_edges_of_batches(filmed):
     assert later.max() < 0.08
 
 
+@pytest.mark.slow
 def test_starts_are_asked_for_only_where_it_is_searched_and_tell_the_sides_until_the_next(filmed):
     asked: list[int] = []
 

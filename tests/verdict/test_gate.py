@@ -20,6 +20,7 @@ def recording():
 MIRRORED = "mirrored"
 
 
+@pytest.mark.slow
 def test_views_that_contradict_each_other_are_refused_and_nothing_is_written(recording, tmp_path, monkeypatch):
     write_recording(tmp_path / "a.npz", with_masks(recording, masks_of(recording)[..., ::-1]))
     before = tree(tmp_path)

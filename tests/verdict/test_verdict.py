@@ -91,6 +91,7 @@ def test_a_film_that_stands_still_is_named(recording):
     assert any(f.views == (recording.cameras.names[GUILTY],) and "same silhouette" in f.told for f in findings)
 
 
+@pytest.mark.slow
 def test_of_five_mirrored_views_four_agree_but_all_are_named():
     recording = good(5, 12)[::3]
     (finding,) = judge(with_masks(recording, masks_of(recording)[..., ::-1])).findings

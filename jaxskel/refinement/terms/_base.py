@@ -80,9 +80,12 @@ def number(value: Any) -> Float[Array, "..."]:
     return array if jnp.issubdtype(array.dtype, jnp.inexact) else array.astype(jnp.result_type(float))
 
 
-def _array(leaf: Any) -> Any:
-    """A Python float as an array: with another value, nothing is compiled again."""
-    return number(leaf) if isinstance(leaf, float) else leaf
+def _with_arrays(terms: dict[str, Any]) -> dict[str, Any]:
+    """Terms with arrays in place of Python floats: with other values, nothing is compiled again."""
+    return {
+        name: jax.tree.map(lambda leaf: number(leaf) if isinstance(leaf, float) else leaf, term)
+        for name, term in terms.items()
+    }
 
 
 class AbstractTerm(eqx.Module):
@@ -123,7 +126,7 @@ class AbstractCoupling(eqx.Module):
 class Objective(eqx.Module):
     """A named collection of weighted terms. New weights or data of the same shapes do not compile again."""
 
-    terms: dict[str, AbstractTerm | AbstractCoupling] = eqx.field(converter=lambda terms: jax.tree.map(_array, terms))
+    terms: dict[str, AbstractTerm | AbstractCoupling] = eqx.field(converter=_with_arrays)
 
     def __check_init__(self):
         """Reject what is no term."""
