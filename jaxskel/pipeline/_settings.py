@@ -12,7 +12,7 @@ from ..body import Body, default_adult, make_body
 from ..graph import MIN_BRANCH, HeadBall, HighestVoxel, RootFinder, Skeletoniser, VoxelScooping
 from ..hull import check_spacing
 from ..matching import HANDLESS_DESCRIPTOR, PAPER_DESCRIPTOR, DtwMatcher, Matcher
-from ..refinement import Solver, check_choices
+from ..refinement import Solver, check_choices, check_objective
 from ..refinement.parametrisations import ExactBones, HingedLimbs, Parametrisation
 from ..refinement.solvers import NormalEquationsLM, default_solver
 from ..refinement.terms import Objective, paper_objective, volume_objective
@@ -95,16 +95,16 @@ class RefinementSettings(eqx.Module):
 
     def __check_init__(self):
         """Reject what no refinement can work with."""
-        self.objective_for(make_body(default_adult()))
+        if isinstance(self.objective, type) or not callable(self.objective):  # a function is asked when a body is known
+            check_objective(self.objective)
+        check_choices(self.parametrisation, self.solver, self.rounds, self.max_steps)
 
     def objective_for(self, body: Body) -> Objective:
         """The objective for a subject."""
-        found: Any = self.objective
-        if not hasattr(found, "residuals") and callable(found) and not isinstance(found, type):
-            found = found(body)
-        objective: Any = found
-        check_choices(objective, self.parametrisation, self.solver, self.rounds, self.max_steps)
-        return objective
+        given: Any = self.objective
+        found = given if hasattr(given, "residuals") else given(body)
+        check_objective(found)
+        return found
 
 
 class Settings(eqx.Module):

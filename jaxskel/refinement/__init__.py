@@ -8,6 +8,7 @@ from . import parametrisations as parametrisations
 from . import solvers as solvers
 from . import terms as terms
 from ._arguments import check_choices as check_choices
+from ._arguments import check_objective as check_objective
 from ._frames import Refined as Refined
 from ._frames import Solver as Solver
 from ._frames import refine_frame as refine_frame

@@ -3,6 +3,7 @@
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import optimistix as optx
 
 from .._runtime.kinds import check_count, check_kind, told
@@ -12,24 +13,43 @@ from .solvers import BandedEquations, NormalEquationsLM
 from .terms import FunctionTerm, Objective, Observed
 
 
-def check_frames(
-    objective: Any,
-    parametrisation: Any,
-    solver: Any,
-    skeleton: Any,
-    initial: Any,
-    observed: Any,
-    rounds: Any = 1,
-    max_steps: Any = 1,
-) -> None:
+def check_frames(objective: Any, parametrisation: Any, solver: Any, *others: Any, **named: Any) -> None:
     """Refuse arguments of `refine_frames` that make no sense.
 
     Raises:
         ValueError: One line that names the argument.
     """
-    _check(objective, parametrisation, solver, skeleton, initial, observed, rounds, max_steps)
+    check_sequence(objective, parametrisation, solver, *others, **named)
     if isinstance(solver, NormalEquationsLM) and solver.equations is BandedEquations:
         raise ValueError("solver: sequence_solver() couples frames; give default_solver(), or call refine_sequence")
+
+
+def check_objective(objective: Any) -> None:
+    """Refuse what is no objective and has not its methods either.
+
+    Raises:
+        ValueError: One line.
+    """
+    methods = ("residuals", "correspond", "costs", "couplings")
+    if isinstance(objective, type) or not all(hasattr(objective, name) for name in methods):
+        raise ValueError(f"objective: is {told(objective)}; give an Objective, such as paper_objective()")
+
+
+def check_choices(parametrisation: Any, solver: Any, rounds: Any, max_steps: Any) -> None:
+    """Refuse a parametrisation, a solver or numbers that no refinement can work with.
+
+    Raises:
+        ValueError: One line that names the argument.
+    """
+    check_kind("parametrisation", parametrisation, Parametrisation, "one, such as HingedLimbs()")
+    if isinstance(solver, optx.NelderMead):
+        raise ValueError(
+            "solver: NelderMead ends where it starts, in a simplex of a quarter of a millimetre; give BFGS"
+        )
+    some = "a least-squares solver or minimiser of Optimistix, such as default_solver()"
+    check_kind("solver", solver, optx.AbstractLeastSquaresSolver | optx.AbstractMinimiser, some)
+    check_count("rounds", rounds)
+    check_count("max_steps", max_steps)
 
 
 def check_sequence(
@@ -47,40 +67,8 @@ def check_sequence(
     Raises:
         ValueError: One line that names the argument.
     """
-    _check(objective, parametrisation, solver, skeleton, initial, observed, rounds, max_steps)
-
-
-def check_choices(objective: Any, parametrisation: Any, solver: Any, rounds: Any, max_steps: Any) -> None:
-    """Refuse an objective, a parametrisation, a solver or numbers that no refinement can work with.
-
-    Raises:
-        ValueError: One line that names the argument.
-    """
-    methods = ("residuals", "correspond", "costs", "couplings")
-    if isinstance(objective, type) or not all(hasattr(objective, name) for name in methods):
-        raise ValueError(f"objective: is {told(objective)}; give an Objective, such as paper_objective()")
-    check_kind("parametrisation", parametrisation, Parametrisation, "one, such as HingedLimbs()")
-    if isinstance(solver, optx.NelderMead):
-        raise ValueError(
-            "solver: NelderMead ends where it starts, in a simplex of a quarter of a millimetre; give BFGS"
-        )
-    some = "a least-squares solver or minimiser of Optimistix, such as default_solver()"
-    check_kind("solver", solver, optx.AbstractLeastSquaresSolver | optx.AbstractMinimiser, some)
-    check_count("rounds", rounds)
-    check_count("max_steps", max_steps)
-
-
-def _check(
-    objective: Any,
-    parametrisation: Any,
-    solver: Any,
-    skeleton: Any,
-    initial: Any,
-    observed: Any,
-    rounds: Any,
-    max_steps: Any,
-) -> None:
-    check_choices(objective, parametrisation, solver, rounds, max_steps)
+    check_objective(objective)
+    check_choices(parametrisation, solver, rounds, max_steps)
     if isinstance(skeleton, Body):
         raise ValueError("skeleton: is a Body; give its skeleton, body.skeleton")
     check_kind("skeleton", skeleton, Skeleton, "a Skeleton")
@@ -121,16 +109,17 @@ def _check_parameters(
         def of_one_row(leaf: Any) -> Any:
             return leaf[0] if rows and leaf.ndim and len(leaf) == frames else leaf
 
-        def residual(pose: Pose, observed: Observed) -> Any:
+        def residual(initial: Pose, observed: Observed) -> Any:
+            pose, frame = jax.tree.map(lambda a: a[0], initial), observed.of(jnp.int32(0))
             body = parametrisation.placed(parametrisation.begin(pose, skeleton), skeleton)
-            return term.function(body, observed, *jax.tree.map(of_one_row, term.parameters))
+            return term.function(body, frame, *jax.tree.map(of_one_row, term.parameters))
 
-        return sum(leaf.size for leaf in jax.tree.leaves(jax.eval_shape(residual, *_first((initial, observed)))))
+        return sum(leaf.size for leaf in jax.tree.leaves(jax.eval_shape(residual, initial, observed)))
 
     try:
         with jax.numpy_rank_promotion("allow"):
             whole, by_row = size(rows=False), size(rows=True)
-    except (TypeError, ValueError, IndexError):  # it cannot take rows, so it means the whole array
+    except Exception:  # it cannot take rows, so it means the whole array; or it fails anyhow, and the solve says why
         return
     if whole == frames * by_row:
         shapes = ", ".join(str(leaf.shape) for leaf in leaves if leaf.ndim and len(leaf) == frames)
@@ -139,8 +128,3 @@ def _check_parameters(
             "a term sees one frame; give it with the frames, observed.with_data(name=array), and read "
             "observed.data['name']"
         )
-
-
-def _first(tree: Any) -> Any:
-    """The shapes of the first member of a stack."""
-    return jax.tree.map(lambda a: jax.ShapeDtypeStruct(a.shape[1:], a.dtype), tree)
