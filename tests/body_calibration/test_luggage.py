@@ -10,6 +10,8 @@ from jaxskel.body_calibration import carrying, find_luggage, prior_with_luggage
 from jaxskel.body_calibration._luggage import Luggage
 from jaxskel.synthetic import demo_motion
 
+pytestmark = pytest.mark.slow
+
 # Of the demo motion at 5 frames a second: two of a walk, waving, a turn, crane stand, crouch, twice hands on hips.
 FRAMES = [7, 9, 18, 35, 43, 50, 55, 57]
 TRUTH = some(demo_motion(ADULT), FRAMES)

@@ -22,6 +22,8 @@ from jaxskel.camera_calibration.from_silhouettes._distance_images import distanc
 from jaxskel.cameras import ExtrinsicChange, changed
 from jaxskel.outlines import outline
 
+pytestmark = pytest.mark.slow
+
 filmed = pytest.fixture(scope="module")(filmed_with_lenses)
 
 

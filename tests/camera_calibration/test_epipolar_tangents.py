@@ -17,6 +17,8 @@ from jaxskel.camera_calibration.from_silhouettes._epipolar_tangents import (
 from jaxskel.camera_calibration.from_silhouettes._outline_chains import outline_chains
 from jaxskel.cameras import ExtrinsicChange, changed
 
+pytestmark = pytest.mark.slow
+
 # The first camera faces the fourth, and so on.
 VIEWS, FRAMES = 6, 5
 SIZE, FOCAL = (240, 200), 190.0

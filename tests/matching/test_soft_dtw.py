@@ -12,6 +12,8 @@ from scipy.special import logsumexp
 from jaxskel import default_adult
 from jaxskel.matching import cost_matrices, dtw, soft_cost_matrices, soft_dtw, template_ends
 
+pytestmark = pytest.mark.slow
+
 LENGTH, TEMPLATE = 6, 4
 # Few enough that elements are often equal, which is where the absolute value has its kink.
 numbers = st.integers(0, 60).map(lambda n: n / 20)

@@ -20,6 +20,8 @@ from jaxskel import (
 from jaxskel.search import Search
 from jaxskel.synthetic import demo_motion, make_scene
 
+pytestmark = pytest.mark.slow
+
 GRAPH = graph_settings()
 
 

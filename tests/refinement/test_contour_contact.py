@@ -15,6 +15,8 @@ from jaxskel.refinement.parametrisations import HingedLimbs
 from jaxskel.refinement.terms import ContourContact, Observed, place
 from jaxskel.refinement.terms._quadrics import make_quadrics
 
+pytestmark = pytest.mark.slow
+
 ADULT = default_adult()
 BODY = make_body(ADULT)
 HINGED = HingedLimbs()

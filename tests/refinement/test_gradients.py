@@ -13,6 +13,8 @@ from jaxskel.refinement.parametrisations import ExactBones
 from jaxskel.refinement.solvers import NormalEquationsLM
 from jaxskel.refinement.terms import paper_objective
 
+pytestmark = pytest.mark.slow
+
 ADULT = default_adult()
 BONES = ExactBones()
 
@@ -45,7 +47,6 @@ def problem():
         return number, (objective, observed, doubled(ADULT))
 
 
-@pytest.mark.slow
 def test_the_solve_converges_to_rounding(problem):
     number, given = problem
     with jax.enable_x64(True):
@@ -61,7 +62,6 @@ PLACES = {
 }
 
 
-@pytest.mark.slow
 def test_gradients_are_finite_differences_of_whole_solves(problem):
     number, given = problem
     with jax.enable_x64(True):

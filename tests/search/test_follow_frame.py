@@ -29,6 +29,8 @@ from jaxskel.search._follow_frame import search_on
 from jaxskel.search._track_state import Ongoing
 from jaxskel.synthetic import demo_motion
 
+pytestmark = pytest.mark.slow
+
 FPS, FRAMES = 24.0, 20
 
 
@@ -50,7 +52,6 @@ def test_a_search_begins_at_intervals_and_once_only(filmed):
     assert must_be_found(lost(track))
 
 
-@pytest.mark.slow
 def test_a_search_is_put_off_in_a_hurry(filmed):
     pose = some(filmed.truth, 5)
     track = Track(pose, some(filmed.truth, 4), 0, np.full(30, 3.0), 0.5, Ongoing(found_at(pose, 3.0), pose, 3.0))
@@ -78,7 +79,6 @@ def raised_arm(pose: Pose) -> Pose:
     return Pose(pose.root, rotations)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("cost", "better"), [(3.0, True), (98.5, False)])
 def test_what_a_search_found_is_carried_to_the_frame_that_has_come(filmed, cost, better):
     model = make_model(BODY)
@@ -101,7 +101,6 @@ def test_what_a_search_found_is_carried_to_the_frame_that_has_come(filmed, cost,
         assert np.linalg.norm(joints_of(offer.poses)[0] - filmed.joints[6], axis=-1).max() < 0.08
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("cost", "frames"), [(3.0, 5), (6.0, 3)])
 def test_a_search_rests_in_every_other_frame_while_all_is_as_usual(filmed, cost, frames):
     """The search has three steps; the second cost is above the usual one by more than the margin."""

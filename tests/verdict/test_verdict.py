@@ -20,6 +20,8 @@ from support.spoilt_rigs import (
 from jaxskel.cameras import TURNS, ImageChange, upright, with_images_changed
 from jaxskel.verdict import Severity, judge
 
+pytestmark = pytest.mark.slow
+
 GUILTY = 2
 
 
@@ -48,7 +50,6 @@ ONE_VIEW = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", ONE_VIEW)
 def test_one_spoilt_view_is_named_with_its_cause(recording, few, kind):
     spoil, word = ONE_VIEW[kind]
@@ -76,7 +77,6 @@ ALL_VIEWS = {
 }  # fmt: skip
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", ALL_VIEWS)
 def test_what_is_wrong_with_all_views_is_hopeless_and_named(few, kind):
     spoil, word = ALL_VIEWS[kind]
@@ -91,7 +91,6 @@ def test_a_film_that_stands_still_is_named(recording):
     assert any(f.views == (recording.cameras.names[GUILTY],) and "same silhouette" in f.told for f in findings)
 
 
-@pytest.mark.slow
 def test_of_five_mirrored_views_four_agree_but_all_are_named():
     recording = good(5, 12)[::3]
     (finding,) = judge(with_masks(recording, masks_of(recording)[..., ::-1])).findings
