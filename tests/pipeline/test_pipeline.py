@@ -71,6 +71,7 @@ def lengths_of_tips(poses: Poses) -> np.ndarray:
 # Accuracy
 
 
+@pytest.mark.slow
 def test_default_finds_every_joint_and_the_body_of_the_subject(scene):
     prepared = prepare(scene, Settings())
     poses = join_poses(reconstruct_batches(scene, Settings(), prepared))
