@@ -87,7 +87,6 @@ def test_check_draws_every_view(folder):
     assert "check.png" in done.stdout.strip().splitlines()[-1]
 
 
-@pytest.mark.slow
 def test_demo_does_the_whole_job(tmp_path):
     done = jaxskel("demo", "-o", "demo", "--frames", "8", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -110,7 +109,6 @@ def test_speed_is_that_of_later_batches():
     assert figures == {"carve": ("50.0", "20"), "search": ("450.0", "2"), "all": ("500.0", "2")}
 
 
-@pytest.mark.slow
 def test_subject_file_gives_the_bone_lengths(folder):
     (folder / "subject.toml").write_text("stature = 1.80\n[lengths]\nupper_arm = 0.35\n")
     done = jaxskel("run", "scene.npz", "-o", "tall", "--subject", "subject.toml", "--preset", "paper", cwd=folder)
