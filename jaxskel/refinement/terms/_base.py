@@ -147,7 +147,7 @@ class Objective(eqx.Module):
         """The objective with other weights for some terms."""
         self._check(weights)
         for name, weight in weights.items():
-            if not isinstance(weight, jax.Array):
+            if not isinstance(weight, jax.Array | np.ndarray):
                 check_number(name, weight, 0.0, np.inf, "a weight, zero or more")
         found = {name: number(weight) for name, weight in weights.items()}
         changed = {name: eqx.tree_at(lambda t: t.weight, self.terms[name], found[name]) for name in found}
