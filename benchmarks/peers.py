@@ -126,7 +126,7 @@ class Bench:
         frames = np.resize(np.arange(len(limbs.paths)), 64)
         skeleton, objective = single_precision((self.prepared.skeleton, s.objective_for(self.prepared.body)))
         start = initial_poses(limbs, facing, skeleton)
-        initial, observed = single_precision(take((start, observed_graph(limbs)), frames))
+        initial, observed = single_precision(take((start, observed_graph(limbs, {})), frames))
         ours = partial(
             refine_frames, objective, s.parametrisation, s.solver, skeleton, initial, observed, s.rounds, s.max_steps
         )

@@ -3,12 +3,13 @@
 import os
 import pickle
 from collections.abc import Callable
+from dataclasses import replace
 from threading import Thread
 from typing import Any
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 
 from .._runtime.worker_processes import WorkerProcess
 from ..poses import Poses, Status
@@ -31,20 +32,19 @@ class BetterSubject:
     The process begins with the first task. If it dies, the subject stays as it is.
 
     Args:
-        empty: Cameras and facts of the frames, without frames.
         settings: How to reconstruct.
     """
 
-    def __init__(self, empty: Recording, settings: Settings):
-        self._work = pickle.dumps(_FindSubject(empty, settings))
-        self._frames: list[UInt8[np.ndarray, "cams h w8"]] = []
+    def __init__(self, settings: Settings):
+        self._work = pickle.dumps(_FindSubject(settings))
+        self._frames: list[Recording] = []
         self._postures: list[Float[np.ndarray, "joints=15 3"]] = []
         self._worker: WorkerProcess | None = None
         self._giving = Thread()
         self._busy = False
         self._rounds = list(_AGAIN)
 
-    def see(self, silhouettes: UInt8[np.ndarray, "frames=1 cams h w8"], poses: Poses) -> None:
+    def see(self, frame: Recording, poses: Poses) -> None:
         """Keep a frame if it shows the person well, and differently from all that are kept."""
         if not self._rounds:
             return
@@ -52,14 +52,14 @@ class BetterSubject:
             assert poses.rotations is not None
             posture = (poses.joints[0] - poses.joints[0, 0]) @ poses.rotations[0, 0]
             if all(np.linalg.norm(posture - other, axis=1).max() > _ELSEWHERE for other in self._postures):
-                self._frames.append(silhouettes[0])
+                self._frames.append(frame)
                 self._postures.append(posture)
         if not self._busy and len(self._frames) >= self._rounds[0]:
             self._rounds = [count for count in self._rounds if count > len(self._frames)]
             # The last core: the stream itself begins at the first one.
             self._worker = self._worker or WorkerProcess(-1, self._work)
             # In a thread, because the process does not read before it has started.
-            self._giving = Thread(target=self._worker.give, args=(np.stack(self._frames),), daemon=True)
+            self._giving = Thread(target=self._worker.give, args=(_together(self._frames),), daemon=True)
             self._giving.start()
             self._busy = True
 
@@ -89,20 +89,27 @@ class BetterSubject:
             self._worker = None
 
 
+def _together(frames: list[Recording]) -> Recording:
+    """One recording of several that have one frame each."""
+    names = frames[0].data
+    return replace(
+        frames[0],
+        silhouettes=np.concatenate([frame.silhouettes for frame in frames]),
+        frame_index=np.concatenate([frame.frame_index for frame in frames]),
+        data={name: np.concatenate([frame.data[name] for frame in frames]) for name in names},
+    )
+
+
 class _FindSubject(eqx.Module):
     """What the process does with the frames that are kept."""
 
-    empty: Recording
     settings: Settings
 
-    def __call__(self, silhouettes: UInt8[np.ndarray, "frames cams h w8"], send: Callable[[Any], None]) -> None:
+    def __call__(self, recording: Recording, send: Callable[[Any], None]) -> None:
         """Find the subject and send it without the grid, which is large; or send the exception."""
         if hasattr(os, "setpriority"):  # the stream comes first
             os.setpriority(os.PRIO_PROCESS, 0, _NICE)
         try:
-            recording = eqx.tree_at(
-                lambda r: (r.silhouettes, r.frame_index), self.empty, (silhouettes, np.arange(len(silhouettes)))
-            )
             found = prepare(recording, self.settings)
             send(eqx.tree_at(lambda p: (p.table, p.edge), found, (None, np.zeros((0, 0, 0), bool))))
         except Exception as error:

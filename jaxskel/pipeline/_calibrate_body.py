@@ -134,7 +134,7 @@ def _look(recording: Recording, settings: Settings, template: Skeleton | None, f
     chosen = np.unique(np.linspace(0, len(recording) - 1, frames).astype(int))
     batches: list[tuple[Observation, list[SkeletalGraph]]] = []
     for batch in np.array_split(chosen, -(-len(chosen) // FRAMES_PER_WORD)):
-        found = observe_batch(recording.silhouettes[batch], prepared, settings, outlines=False)
+        found = observe_batch(recording[batch], prepared, settings, outlines=False)
         if found.labelled is not None:
             batches.append((found, found.labelled.graphs))
     count = sum(len(found.seen.frames) for found, _ in batches)

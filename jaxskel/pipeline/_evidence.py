@@ -1,7 +1,7 @@
 """Observations for the objectives: the labelled graph, the outlines and the hull of each person."""
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Array, Float, UInt8
 
 from ..cameras import Cameras
 from ..hull import Seen
@@ -10,9 +10,9 @@ from ..outlines import RAYS, contours, credible, silhouette_distances
 from ..refinement.terms import Observed
 
 
-def observed_graph(limbs: Limbs) -> Observed:
-    """Observations from the labelled graph alone."""
-    return Observed(limbs.paths, limbs.found, limbs.neck, limbs.pelvis)
+def observed_graph(limbs: Limbs, data: dict[str, Float[Array | np.ndarray, "people ..."]]) -> Observed:
+    """Observations from the labelled graph, and the recording's own data."""
+    return Observed(limbs.paths, limbs.found, limbs.neck, limbs.pelvis, data=data)
 
 
 def observed_volume(
@@ -22,12 +22,13 @@ def observed_volume(
     cameras: Cameras,
     middles: Float[np.ndarray, "people 3"],
     misses: int,
+    data: dict[str, Float[Array | np.ndarray, "people ..."]],
 ) -> Observed:
-    """Observations from graph, outlines and, on demand, the hull, for the frames with a person (at least one)."""
+    """Observations from graph and outlines, and the recording's own data, of the frames with a person (one or more)."""
     own = silhouettes[seen.frames], cameras, seen.empty_views[seen.frames]
     # Carving allows few misses, because they make a hull fat; here the outlines limit how thick the body is.
     distances = silhouette_distances(*own, misses + 1 if misses else 0)
     outlines = contours(*own, 2 * RAYS if misses else RAYS)
     if misses:
         outlines = credible(outlines, distances, middles, (~own[2]).sum(1), RAYS)
-    return Observed(limbs.paths, limbs.found, limbs.neck, limbs.pelvis, outlines, distances)
+    return Observed(limbs.paths, limbs.found, limbs.neck, limbs.pelvis, outlines, distances, data)

@@ -9,12 +9,14 @@ from contextlib import nullcontext
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Array, Float, Int, UInt8
 
+from .._runtime.batching import take
 from ..body import Skeleton
 from ..graph import SkeletalGraph, person_graphs
 from ..hull import FRAMES_PER_WORD, Seen, Stopwatch, middles_of_people, see_people, trust_views
 from ..matching import Limbs, labelled_limbs
+from ..recording import Recording
 from ..refinement.terms import Observed
 from ._evidence import observed_volume
 from ._prepared import Prepared
@@ -47,6 +49,8 @@ class Observation(NamedTuple):
 
     silhouettes: UInt8[np.ndarray, "frames cams h w8"]
     seen: Seen
+    data: dict[str, Float[Array | np.ndarray, "people ..."]]
+    """The recording's own data of the frames with a person."""
     labelled: Labelled | None = None
     """None if nobody is seen, or if it was not asked for."""
     outlines: Outlines | None = None
@@ -54,7 +58,7 @@ class Observation(NamedTuple):
 
 
 def observe_batch(
-    silhouettes: UInt8[np.ndarray, "frames cams h w8"],
+    part: Recording,
     prepared: Prepared,
     settings: Settings,
     *,
@@ -68,7 +72,7 @@ def observe_batch(
     """Observe a batch of at most 32 frames.
 
     Args:
-        silhouettes: Packed bits.
+        part: The frames.
         prepared: Result of `prepare` for this recording and these settings.
         settings: Settings of the stages.
         label: Whether to extract and label the graphs.
@@ -78,13 +82,14 @@ def observe_batch(
         stopwatch: Times the stages ``carve``, ``graph``, ``match`` and ``observe``.
         at_once: Frames that are carved at once, see `carve`.
     """
+    silhouettes = np.asarray(part.silhouettes)
     if carved:
         seen = see_people(
             silhouettes, prepared.cameras, prepared.table, prepared.edge, prepared.max_misses, stopwatch, at_once
         )  # fmt: skip
     else:
         seen = trust_views(silhouettes, prepared.cameras)
-    observation = Observation(silhouettes, seen)
+    observation = Observation(silhouettes, seen, take(part.data, seen.frames))
     if len(seen.frames) == 0:
         return observation
     if label:
@@ -127,12 +132,12 @@ def look_at_outlines(
     middles: Float[np.ndarray, "people 3"] | None = None,
 ) -> Observation:
     """Add the outlines, and the labels if there are any, to an observation; `middles` (m) if they are known already."""
-    silhouettes, seen, labelled, _ = observation
+    silhouettes, seen, data, labelled, _ = observation
     limbs = Limbs.none(len(seen.frames)) if labelled is None else labelled.limbs
     with stopwatch("observe"):
         if middles is None:
             middles = middles_of_people(seen, silhouettes, prepared.cameras)
         observed = observed_volume(
-            limbs, seen, silhouettes, prepared.cameras, middles, prepared.max_misses
+            limbs, seen, silhouettes, prepared.cameras, middles, prepared.max_misses, data
         )  # fmt: skip
     return observation._replace(outlines=Outlines(middles, observed))

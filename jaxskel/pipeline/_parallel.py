@@ -6,8 +6,6 @@ from multiprocessing.connection import wait
 from typing import Any
 
 import equinox as eqx
-import numpy as np
-from jaxtyping import UInt8
 
 from .._runtime.worker_processes import WorkerProcess
 from ..poses import Poses
@@ -43,7 +41,7 @@ def reconstruct_parallel(
         raise ValueError(f"{jobs} jobs: give at least one")
     settings = settings or Settings()
     prepared = prepared or prepare(recording, settings)
-    work = pickle.dumps(_ReconstructBatch(recording[:0], prepared, settings))
+    work = pickle.dumps(_ReconstructBatch(prepared, settings))
     stretches = _stretches(len(recording), jobs, settings)
     crew = [WorkerProcess(core, work) for core in range(min(jobs, len(stretches)))]
     try:
@@ -71,7 +69,7 @@ def _in_order(crew: Sequence[WorkerProcess], recording: Recording, stretches: li
 
     def give(worker: WorkerProcess, track: Track | None) -> None:
         start = at_work[worker][0]
-        worker.give((recording.silhouettes[start : start + BATCH], track))
+        worker.give((recording[start : start + BATCH], track))
 
     waiting = iter(stretches)
     at_work: dict[WorkerProcess, list[int]] = {}
@@ -88,8 +86,7 @@ def _in_order(crew: Sequence[WorkerProcess], recording: Recording, stretches: li
                 raise message
             poses, track = message
             start, *rest = at_work.pop(worker)
-            index = recording.frame_index[start : start + len(poses)]
-            done[start] = eqx.tree_at(lambda p: p.frame_index, poses, index)
+            done[start] = poses
             # Batches of a stretch follow one another; the first of the next stretch starts without a track.
             if stretch := rest or next(waiting, None):
                 at_work[worker] = stretch
@@ -103,17 +100,13 @@ def _in_order(crew: Sequence[WorkerProcess], recording: Recording, stretches: li
 class _ReconstructBatch(eqx.Module):
     """What each process does with a batch of frames."""
 
-    empty: Recording
-    """Cameras and facts of the recording, without frames."""
     prepared: Prepared
     settings: Settings
 
-    def __call__(
-        self, task: tuple[UInt8[np.ndarray, "frames cams h w8"], Track | None], send: Callable[[Any], None]
-    ) -> None:
+    def __call__(self, task: tuple[Recording, Track | None], send: Callable[[Any], None]) -> None:
         """Reconstruct and send the poses and the track, or the exception."""
-        silhouettes, track = task
+        part, track = task
         try:
-            send(reconstruct_batch(silhouettes, self.empty, self.prepared, self.settings, track=track))
+            send(reconstruct_batch(part, self.prepared, self.settings, track=track))
         except Exception as error:
             send(error)

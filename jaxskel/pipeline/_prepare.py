@@ -22,7 +22,7 @@ from ..hull import (
     projecting,
 )
 from ..matching import estimate_stature
-from ..recording import Recording, Silhouettes, find_empty_views, rotation_to_z_up, silhouette_areas
+from ..recording import Recording, find_empty_views, rotation_to_z_up, silhouette_areas
 from ..search import make_model
 from ._ahead import compile_ahead
 from ._observe_batch import observe_batch
@@ -54,7 +54,7 @@ def prepare(recording: Recording, settings: Settings | None = None, *, calibrate
     """
     settings = settings or Settings()
     check_given(recording, settings)
-    prepared = with_subject(place(recording, settings), recording.silhouettes, settings, calibrate)
+    prepared = with_subject(place(recording, settings), recording, settings, calibrate)
     return with_model(prepared, settings) if calibrate else prepared
 
 
@@ -111,7 +111,9 @@ def changing_grid(prepared: Prepared, grid: VoxelGrid, size: tuple[int, int], se
 
 def with_model(prepared: Prepared, settings: Settings) -> Prepared:
     """The same with the body prepared for the search, if there is one."""
-    return prepared if settings.search is None else replace(prepared, model=make_model(prepared.body))
+    if settings.search is None:
+        return prepared
+    return replace(prepared, model=make_model(prepared.body, settings.search.objective))
 
 
 def _min_views(settings: Settings, cameras: Cameras) -> int:
@@ -120,16 +122,16 @@ def _min_views(settings: Settings, cameras: Cameras) -> int:
 
 
 def with_subject(
-    prepared: Prepared, recorded: Silhouettes, settings: Settings, calibrate: bool, at_once: int = FRAMES_PER_WORD
+    prepared: Prepared, recording: Recording, settings: Settings, calibrate: bool, at_once: int = FRAMES_PER_WORD
 ) -> Prepared:
     """The same with the subject as some frames show it; unchanged if they show nobody, or nothing is to be found."""
     calibrating = calibrate and settings.search is not None and settings.body is None
     if prepared.table is None or (prepared.skeleton_is_known and not calibrating):
         return prepared
-    chosen = np.unique(np.linspace(0, len(recorded) - 1, SUBJECT_FRAMES).astype(int))
+    chosen = np.unique(np.linspace(0, len(recording) - 1, SUBJECT_FRAMES).astype(int))
     assert len(chosen) <= FRAMES_PER_WORD
     found = observe_batch(
-        recorded[chosen], prepared, settings, outlines=calibrating, at_once=at_once,
+        recording[chosen], prepared, settings, outlines=calibrating, at_once=at_once,
         template=lambda graphs: _template(graphs, prepared),
     )  # fmt: skip
     if found.labelled is None:

@@ -3,14 +3,11 @@
 from collections.abc import Iterator
 from contextlib import nullcontext
 
-import equinox as eqx
-import numpy as np
-from jaxtyping import UInt8
-
 from ..hull import FRAMES_PER_WORD, Stopwatch
-from ..poses import Poses, Status, join_poses
+from ..poses import Poses, join_poses
 from ..recording import Recording
 from ..search import Track
+from ._assemble import assemble
 from ._prepare import check_given, prepare
 from ._prepared import Prepared
 from ._refine import refine
@@ -21,48 +18,26 @@ BATCH = FRAMES_PER_WORD
 
 
 def reconstruct_batch(
-    silhouettes: UInt8[np.ndarray, "frames cams h w8"],
-    recording: Recording,
+    part: Recording,
     prepared: Prepared,
     settings: Settings,
     stopwatch: Stopwatch = lambda _: nullcontext(),
     track: Track | None = None,
     at_once: int = BATCH,
 ) -> tuple[Poses, Track | None]:
-    """Reconstruct up to `at_once` consecutive frames. ``fps`` and ``frame_index`` count from the batch's start.
+    """Reconstruct up to `at_once` consecutive frames of a recording.
 
     With tracking, `track` is the state after the frames before, and the new state is returned with the poses.
 
     `at_once` is the number of frames that programs are compiled for: 32, or 1 for frames that come one by one.
     """
-    count = len(silhouettes)
-    joints, tips = np.full((count, 15, 3), np.nan, np.float32), np.full((count, 5, 3), np.nan, np.float32)
-    rotations = np.full((count, 17, 3, 3), np.nan, np.float32)
-    covariance, confidence = np.full((count, 15, 3, 3), np.nan, np.float32), np.zeros((count, 15), np.float32)
-    sides = np.full(count, 0.5, np.float32)
     objective = settings.refinement.objective_for(prepared.body)
-    seen, start, track = start_of(silhouettes, recording.fps, prepared, settings, objective, track, stopwatch, at_once)
-    status, good = seen.status, seen.frames
+    seen, start, track = start_of(part, prepared, settings, objective, track, stopwatch, at_once)
+    refined = None
     if start is not None:
         with stopwatch("refine"):
             refined = refine(start.poses, start.observed, prepared.skeleton, objective, settings.refinement)
-        status[good[~start.plausible]] = Status.NO_MATCH
-        fitted = start.plausible & refined.finite
-        status[good[start.plausible & ~refined.finite]] = Status.FAILED
-        status[good[fitted & ~refined.converged]] = Status.NOT_CONVERGED
-        done = good[fitted]
-        status[done[(status[done] == Status.OK) & seen.empty_views[done].any(1)]] = Status.VIEW_LOST
-        back = prepared.to_z_up.T.astype(np.float32)
-        joints[done], tips[done] = refined.joints[fitted] @ back.T, refined.tips[fitted] @ back.T
-        rotations[done] = back @ refined.pose.rotations[fitted]
-        uncertainty = start.uncertainty(refined)
-        covariance[done] = back @ uncertainty.covariance[fitted] @ back.T
-        confidence[done], sides[done] = uncertainty.confidence[fitted], start.sides[fitted]
-    poses = Poses(
-        joints, tips, rotations, prepared.skeleton, confidence, sides, status, recording.fps, recording.up,
-        np.arange(count), covariance, prepared.stature_deviation,
-    )  # fmt: skip
-    return poses, track
+    return assemble(part, prepared, seen, start, refined), track
 
 
 def reconstruct_batches(
@@ -101,9 +76,9 @@ def batches_from(
         Poses of the batches, each with the tracking state for the next one.
     """
     for start in range(first, len(recording), BATCH):
-        part = slice(start, start + BATCH)
-        poses, track = reconstruct_batch(recording.silhouettes[part], recording, prepared, settings, stopwatch, track)
-        yield eqx.tree_at(lambda p: p.frame_index, poses, recording.frame_index[part]), track
+        part = recording[start : start + BATCH]
+        poses, track = reconstruct_batch(part, prepared, settings, stopwatch, track)
+        yield poses, track
 
 
 def reconstruct(recording: Recording, settings: Settings | None = None) -> Poses:

@@ -8,7 +8,7 @@ import numpy as np
 
 from .._runtime.batching import length_of, padded, single_precision
 from ..body import Pose, Skeleton
-from ..refinement import Refined, refine_frames
+from ..refinement import Refined, refine_frames, refine_frames_ahead
 from ..refinement.terms import Objective, Observed
 from ._settings import RefinementSettings
 
@@ -30,7 +30,7 @@ def refine_ahead(
     how: RefinementSettings,
 ) -> None:
     """Begin to compile what `refine` needs for arguments like these."""
-    refine_frames.ahead(threads, *_arguments(initial, observed, skeleton, objective, how))
+    refine_frames_ahead(threads, *_arguments(initial, observed, skeleton, objective, how))
 
 
 def _arguments(

@@ -1,5 +1,6 @@
 """The refinement as a separate problem, for notebooks that compare objectives."""
 
+from dataclasses import dataclass, replace
 from typing import Any
 
 import equinox as eqx
@@ -9,13 +10,19 @@ from jaxtyping import Float, Int
 
 from .._runtime.batching import single_precision, take
 from ..body import Body, Pose, Skeleton
+from ..cameras import Cameras
+from ..hull import Seen
+from ..poses import Poses, join_poses
 from ..recording import Recording
+from ..refinement import Refined
 from ..refinement.terms import Observed
+from ..search import Hypotheses
+from ._assemble import assemble
 from ._prepare import prepare
 from ._prepared import Prepared
 from ._reconstruct import BATCH
 from ._settings import Settings
-from ._start import start_of
+from ._start import Start, start_of
 
 
 class RefinementProblem(eqx.Module):
@@ -31,6 +38,52 @@ class RefinementProblem(eqx.Module):
     """The subject with flesh, for terms about volume."""
     truth: Float[np.ndarray, "people joints=15 3"] | None
     """True joints (m) in the world with z up, if the recording has them."""
+    cameras: Cameras
+    """The recording's cameras in the world with z up."""
+    to_z_up: Float[np.ndarray, "3 3"]
+    """Rotation from the recording's world to the one with z up."""
+    hypotheses: Hypotheses | None
+    """All that the search found for each frame, the cheapest first; None without a search. See
+    [`costs_by_term`][jaxskel.search.costs_by_term]."""
+    _batches: "_Batches" = eqx.field(static=True)
+
+    def to_poses(self, refined: Refined) -> Poses:
+        """The poses of the whole recording, as `reconstruct` returns them: to be written, exported and evaluated.
+
+        Statuses and confidences are those that the pipeline gives. A covariance is in m^2 only if a residual of the
+        objective is one where it is off by one standard deviation, as in the default objective.
+
+        Args:
+            refined: Result of `refine_frames` or `refine_sequence` for all of `frames`.
+
+        Raises:
+            ValueError: It has another number of frames.
+        """
+        return self._batches.assembled(jax.tree.map(np.asarray, refined), len(self.frames))
+
+
+@dataclass(frozen=True, eq=False)
+class _Batches:
+    """What is left to do for poses, batch by batch."""
+
+    facts: tuple[Recording, ...]
+    """With empty silhouettes."""
+    prepared: Prepared
+    seen: tuple[Seen, ...]
+    starts: tuple[Start | None, ...]
+
+    def assembled(self, refined: Refined, frames: int) -> Poses:
+        """The poses of all batches."""
+        if len(refined.converged) != frames:
+            raise ValueError(f"refined: has {len(refined.converged)} frames, but the problem has {frames}; refine all")
+        parts, first = [], 0
+        for facts, seen, start in zip(self.facts, self.seen, self.starts, strict=True):
+            own = None
+            if start is not None:
+                own = take(refined, np.arange(first, first + len(seen.frames)))
+                first += len(seen.frames)
+            parts.append(assemble(facts, self.prepared, seen, start, own))
+        return join_poses(parts)
 
 
 def refinement_problem(
@@ -47,23 +100,34 @@ def refinement_problem(
     settings = settings or Settings()
     prepared = prepared or prepare(recording, settings)
     objective = settings.refinement.objective_for(prepared.body)
-    frames, starts = [], []
+    facts, people, found = [], [], []
     for first in range(0, len(recording), BATCH):
-        found, start, _ = start_of(
-            recording.silhouettes[first : first + BATCH], recording.fps, prepared, settings, objective
-        )
-        if start is not None:
-            frames.append(first + found.frames)
-            starts.append(start)
+        part = recording[first : first + BATCH]
+        seen, start, _ = start_of(part, prepared, settings, objective)
+        # Only facts are used later; one zero that is repeated takes no memory.
+        facts.append(replace(part, silhouettes=np.broadcast_to(np.uint8(0), part.silhouettes.shape)))
+        people.append(replace(seen, hulls=None))
+        found.append(start)
+    starts = [start for start in found if start is not None]
     if not starts:
         raise ValueError(f"{recording.name}: no frame shows one whole person; see `jaxskel check`")
-    chosen = np.concatenate(frames)
+    firsts = BATCH * np.arange(len(people))
+    chosen = np.concatenate([
+        first + seen.frames for first, seen, start in zip(firsts, people, found, strict=True) if start is not None
+    ])  # fmt: skip
     truth = None if recording.truth is None else recording.truth.joints[chosen] @ prepared.to_z_up.T
     initial = _joined([start.poses for start in starts])
     # The observations are padded to whole batches.
     observed = _joined([take(start.observed, np.arange(len(start.poses.root))) for start in starts])
     skeleton, body = single_precision((prepared.skeleton, prepared.body))
-    return RefinementProblem(chosen, initial, observed, skeleton, body, truth)
+    searched = [start.hypotheses for start in starts if start.hypotheses is not None]
+    # The observations are large, and kept once.
+    kept = tuple(None if start is None else start._replace(observed=None) for start in found)
+    batches = _Batches(tuple(facts), prepared, tuple(people), kept)
+    return RefinementProblem(
+        chosen, initial, observed, skeleton, body, truth, prepared.cameras, prepared.to_z_up,
+        jax.tree.map(lambda *parts: np.concatenate(parts), *searched) if searched else None, batches,
+    )  # fmt: skip
 
 
 def _joined(stacks: list[Any]) -> Any:

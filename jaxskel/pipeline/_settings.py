@@ -1,8 +1,5 @@
 """Settings of the reconstruction: everything a user may choose, in one object."""
 
-from collections.abc import Callable
-from typing import Any
-
 import equinox as eqx
 import numpy as np
 from jaxtyping import Float
@@ -12,10 +9,10 @@ from ..body import Body, default_adult, make_body
 from ..graph import MIN_BRANCH, HeadBall, HighestVoxel, RootFinder, Skeletoniser, VoxelScooping
 from ..hull import check_spacing
 from ..matching import HANDLESS_DESCRIPTOR, PAPER_DESCRIPTOR, DtwMatcher, Matcher
-from ..refinement import Solver, check_choices, check_objective
+from ..refinement import Solver, check_choices
 from ..refinement.parametrisations import ExactBones, HingedLimbs, Parametrisation
 from ..refinement.solvers import NormalEquationsLM, default_solver
-from ..refinement.terms import Objective, paper_objective, volume_objective
+from ..refinement.terms import GivenObjective, Objective, check_given, objective_of, paper_objective, volume_objective
 from ..search import Search, Tracking
 
 
@@ -81,7 +78,7 @@ class MatchingSettings(eqx.Module):
 class RefinementSettings(eqx.Module):
     """How the pose is refined (Sect. 3.3)."""
 
-    objective: Objective | Callable[[Body], Objective] = volume_objective
+    objective: GivenObjective = volume_objective
     """What is minimised: an objective, or a function that makes one for the subject's body."""
     parametrisation: Parametrisation = HingedLimbs()
     """How a pose is expressed by unknowns."""
@@ -95,16 +92,12 @@ class RefinementSettings(eqx.Module):
 
     def __check_init__(self):
         """Reject what no refinement can work with."""
-        if isinstance(self.objective, type) or not callable(self.objective):  # a function is asked when a body is known
-            check_objective(self.objective)
+        check_given(self.objective)
         check_choices(self.parametrisation, self.solver, self.rounds, self.max_steps)
 
     def objective_for(self, body: Body) -> Objective:
         """The objective for a subject."""
-        given: Any = self.objective
-        found = given if hasattr(given, "residuals") else given(body)
-        check_objective(found)
-        return found
+        return objective_of(self.objective, body)
 
 
 class Settings(eqx.Module):

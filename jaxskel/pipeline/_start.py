@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Float, Int
 
 from .._math.gaussians import deviation_for
 from .._runtime.batching import length_of, on_device, padded, single_precision, take
@@ -15,12 +15,14 @@ from ..body import JOINT_NAMES, Body, Pose, Skeleton, place_joints
 from ..graph import SkeletalGraph, forest_of
 from ..hull import FRAMES_PER_WORD, Seen, Stopwatch, middles_of_people
 from ..matching import L_FOOT, R_FOOT, Limbs, joint_confidence, template_ends
+from ..recording import Recording
 from ..refinement import Refined
 from ..refinement.terms import Objective, Observed
 from ..search import (
     NOT_THE_SUBJECT,
     SAME_PLACE,
     Hypotheses,
+    Model,
     Proposed,
     Search,
     Searched,
@@ -45,7 +47,7 @@ from ..search import (
     unexplained_shares,
 )
 from ._evidence import observed_graph
-from ._observe_batch import Labelled, Observation, draw_graphs, label_graphs, look_at_outlines, observe_batch
+from ._observe_batch import Observation, draw_graphs, label_graphs, look_at_outlines, observe_batch
 from ._prepared import Prepared
 from ._settings import Settings
 
@@ -69,11 +71,12 @@ class Start(NamedTuple):
     plausible: Bool[np.ndarray, " frames"]
     sides: Float[np.ndarray, " frames"]
     uncertainty: Callable[[Refined], Uncertainty]
+    hypotheses: Hypotheses | None = None
+    """All that the search found; None without a search."""
 
 
 def start_of(
-    silhouettes: UInt8[np.ndarray, "frames cams h w8"],
-    fps: float,
+    part: Recording,
     prepared: Prepared,
     settings: Settings,
     objective: Objective,
@@ -87,30 +90,32 @@ def start_of(
         The people seen, the start (None if nobody is seen), and the tracking state for the next batch.
     """
     search, tracking = settings.search, settings.tracking
-    if at_once == 1 and track is not None and not objective.needs_graph:
+    model = None if search is None else prepared.model or make_model(prepared.body, search.objective)
+    needs_graph = objective.needs_graph or (model is not None and model.objective.needs_graph)
+    if at_once == 1 and track is not None and model is not None and not needs_graph:
         followed = None
         if not must_be_found(track):
-            followed = _by_following(silhouettes, fps, prepared, settings, track, stopwatch)
+            followed = _by_following(part, prepared, model, settings, track, stopwatch)
         if followed is not None:
             return followed
         track = lost(track)
     # With tracking, only frames with a full search need graphs, unless the objective uses them.
     found = observe_batch(
-        silhouettes, prepared, settings, label=tracking is None or objective.needs_graph, outlines=search is not None,
+        part, prepared, settings, label=tracking is None or needs_graph, outlines=search is not None,
         stopwatch=stopwatch, at_once=at_once,
     )  # fmt: skip
     if len(found.seen.frames) == 0:
         return found.seen, None, track
-    if search is None:
-        assert found.labelled is not None
-        return found.seen, _by_graph(found.labelled, at_once), track
-    start, track = _by_search(found, search, fps, prepared, settings, track, stopwatch, at_once)
+    if model is None:
+        return found.seen, _by_graph(found, at_once), track
+    start, track = _by_search(found, model, part.fps, prepared, settings, track, stopwatch, at_once)
     return found.seen, start, track
 
 
-def _by_graph(labelled: Labelled, at_once: int) -> Start:
+def _by_graph(found: Observation, at_once: int) -> Start:
     """Start from the poses of the labelled graphs (Sect. 3.3)."""
-    graphs, skeleton, limbs, facing, sides = labelled
+    assert found.labelled is not None
+    graphs, skeleton, limbs, facing, sides = found.labelled
 
     def uncertainty(refined: Refined) -> Uncertainty:
         trust = joint_confidence(np.asarray(refined.joints), np.asarray(refined.tips), limbs, skeleton)
@@ -118,13 +123,13 @@ def _by_graph(labelled: Labelled, at_once: int) -> Start:
         variance = deviation_for(SAME_PLACE, np.clip(trust, _LEAST_TRUST, _MOST_TRUST)) ** 2
         return Uncertainty((variance[..., None, None] * np.eye(3)).astype(np.float32), trust)
 
-    poses, observed = initial_poses(limbs, facing, skeleton), on_device(observed_graph(limbs), at_once)
+    poses, observed = initial_poses(limbs, facing, skeleton), on_device(observed_graph(limbs, found.data), at_once)
     return Start(poses, observed, _plausible(graphs, limbs, skeleton), sides, uncertainty)
 
 
 def _by_search(
     found: Observation,
-    search: Search,
+    model: Model,
     fps: float,
     prepared: Prepared,
     settings: Settings,
@@ -146,8 +151,7 @@ def _by_search(
 
     observed = on_device(outlines.observed, at_once)
     fallback = graphless_poses(outlines.middles, prepared.skeleton)
-    costs, model = prepared.costs, prepared.model or make_model(prepared.body)
-    search = search.relative_to(None if costs is None else costs.low)
+    search = _search_of(settings, prepared)
     with stopwatch("search"):
         if settings.tracking is None:
             starts, sides = propose(np.arange(len(seen.frames)))
@@ -161,9 +165,9 @@ def _by_search(
 
 
 def _by_following(
-    silhouettes: UInt8[np.ndarray, "frames=1 cams h w8"],
-    fps: float,
+    frame: Recording,
     prepared: Prepared,
+    model: Model,
     settings: Settings,
     track: Track,
     stopwatch: Stopwatch,
@@ -172,29 +176,26 @@ def _by_following(
 
     Where a search is due, the frame is carved, and the search begins; it goes on, step by step, in the next frames.
     """
-    search, tracking, skeleton = settings.search, settings.tracking, prepared.skeleton
-    assert search is not None
+    tracking, skeleton = settings.tracking, prepared.skeleton
     assert tracking is not None
-    due = search_is_due(tracking, fps, track)
+    due = search_is_due(tracking, frame.fps, track)
     found = observe_batch(
-        silhouettes, prepared, settings, label=False, outlines=False, carved=due, stopwatch=stopwatch, at_once=1
+        frame, prepared, settings, label=False, outlines=False, carved=due, stopwatch=stopwatch, at_once=1
     )  # fmt: skip
     if len(found.seen.frames) == 0:
         return found.seen, None, track
     found = look_at_outlines(found, prepared, stopwatch, np.asarray(track.last.root)[None])
     assert found.outlines is not None
     observed, seen = on_device(found.outlines.observed, 1), found.seen
-    model = prepared.model or make_model(prepared.body)
 
     def steps() -> Steps[Searched]:
         graphs = draw_graphs(found.seen, np.arange(1), prepared, settings, stopwatch)
         yield
         limbs, facing, sides = label_graphs(graphs, skeleton, settings, stopwatch)[2:]
         yield
-        how = search.relative_to(None if prepared.costs is None else prepared.costs.low)
-        middles = middles_of_people(found.seen, silhouettes, prepared.cameras)
+        middles = middles_of_people(found.seen, found.silhouettes, prepared.cameras)
         starts, fallback = start_poses(limbs, facing, skeleton), graphless_poses(middles, skeleton)
-        best = yield from solving(model, how, starts, fallback, observed)
+        best = yield from solving(model, _search_of(settings, prepared), starts, fallback, observed)
         return Searched(jax.tree.map(lambda a: a[0], best.best), float(best.cost[0, 0]), float(sides[0]))
 
     with stopwatch("search"):
@@ -203,14 +204,20 @@ def _by_following(
             return None
         if due:
             followed = *followed[:2], begun(followed[2], followed[0], steps())
-        elif not track.hurried and doubt_arises(tracking, fps, followed[2]):
+        elif not track.hurried and doubt_arises(tracking, frame.fps, followed[2]):
             found = observe_batch(
-                silhouettes, prepared, settings, label=False, outlines=False, stopwatch=stopwatch, at_once=1
+                frame, prepared, settings, label=False, outlines=False, stopwatch=stopwatch, at_once=1
             )  # fmt: skip
             if len(found.seen.frames):
                 followed = search_in_doubt(model, tracking, track, followed, steps(), observed)
         hypotheses, sides, track = followed
         return seen, _start_from(hypotheses, observed, sides, prepared), track
+
+
+def _search_of(settings: Settings, prepared: Prepared) -> Search:
+    """Breadth and depth of the search, relative to what this subject's poses cost."""
+    assert settings.search is not None
+    return settings.search.relative_to(None if prepared.costs is None else prepared.costs.low)
 
 
 def _start_from(
@@ -227,7 +234,7 @@ def _start_from(
             away, found.cost, np.asarray(refined.covariance), unusual, unexplained, prepared.clothes
         )
 
-    return Start(found.best, observed, unexplained < NOT_THE_SUBJECT, sides, uncertainty)
+    return Start(found.best, observed, unexplained < NOT_THE_SUBJECT, sides, uncertainty, found)
 
 
 def _unexplained(poses: Pose, observed: Observed, body: Body) -> Float[np.ndarray, " frames"]:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from types import TracebackType
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -100,13 +101,14 @@ class Stream:
         self._to_find = subject is None or (settings.search is not None and settings.body is None)
         self._found = not self._to_find
         self._strangers = 0  # successive frames of somebody else
-        self._better = BetterSubject(self._empty, settings) if self._to_find else None
+        self._better = BetterSubject(settings) if self._to_find else None
 
     def push(
         self,
         masks: Bool[np.ndarray, "cams h w"] | UInt8[np.ndarray, "cams h columns"],
         skipped: int = 0,
         hurry: bool = False,
+        data: dict[str, Any] | None = None,
     ) -> Poses:
         """Reconstruct the next frame.
 
@@ -116,16 +118,18 @@ class Stream:
             skipped: Number of frames before this one that were left out; a person who is followed moved on in them.
             hurry: Whether other frames wait. Searches that are not needed to find the person are then put off, for a
                 second at most.
+            data: Numbers of this frame for terms of your own, by name: what `Recording.with_data` takes, without the
+                frames axis. What the first frame has and this one lacks is NaN.
 
         Returns:
             Poses of one frame, in the cameras' world (m). Its `frame_index` counts the calls.
 
         Raises:
-            ValueError: The masks are not those of the cameras.
+            ValueError: The masks are not those of the cameras, or the data have other names or shapes than before.
         """
-        silhouettes = _packed(np.asarray(masks), self._empty)
         check_count("skipped", skipped, 0)
-        prepared = self._prepared_for(silhouettes)
+        frame = self._frame(_packed(np.asarray(masks), self._empty), data or {})
+        prepared = self._prepared_for(frame)
         settings = self._settings_for(prepared.body)
         self._put_off = self._put_off + 1 if hurry and self._put_off < self._empty.fps else 0
         track = self._track
@@ -133,7 +137,7 @@ class Stream:
             track = before_next(track, skipped)
         if track is not None and self._put_off:
             track = hurried(track)
-        poses, track = reconstruct_batch(silhouettes, self._empty, prepared, settings, track=track, at_once=1)
+        poses, track = reconstruct_batch(frame, prepared, settings, track=track, at_once=1)
         if self._track is not None and track is not None and skipped:
             track = over_gap(self._track, track, skipped)
         with_pose = bool(poses.has_pose[0])
@@ -145,8 +149,7 @@ class Stream:
         if self._to_find and self._strangers >= _SOMEBODY_ELSE:
             self._found, self._strangers = False, 0
         if self._better is not None:
-            self._better.see(silhouettes, poses)
-        poses = eqx.tree_at(lambda p: p.frame_index, poses, np.array([self._count]))
+            self._better.see(frame, poses)
         self._count += 1
         return poses
 
@@ -164,6 +167,24 @@ class Stream:
     ) -> None:
         self.close()
 
+    def _frame(self, silhouettes: UInt8[np.ndarray, "frames=1 cams h w8"], data: dict[str, Any]) -> Recording:
+        """A recording of one frame."""
+        index = np.array([self._count])
+        frame = replace(self._empty, silhouettes=silhouettes, frame_index=index, data={})
+        frame = frame.with_data(**{name: np.asarray(array)[None] for name, array in data.items()})
+        if self._count == 0:
+            self._empty = frame[:0]
+        shapes = {name: array.shape[1:] for name, array in self._empty.data.items()}
+        for name, array in frame.data.items():
+            if shapes.get(name) != array.shape[1:]:
+                known = ", ".join(f"{key} of shape {shape}" for key, shape in shapes.items()) or "none"
+                raise ValueError(
+                    f"data: {name!r} has shape {array.shape[1:]}, but the first frame had {known}; give the same in "
+                    "every frame, NaN where nothing is known"
+                )
+        missing = {name: np.full((1, *shape), np.nan) for name, shape in shapes.items() if name not in frame.data}
+        return frame.with_data(**missing)
+
     def _settings_for(self, body: Body) -> Settings:
         """The settings with the objective for a body, which is made once, not for each frame."""
         if self._for_body is None or self._for_body[0] is not body:
@@ -178,10 +199,10 @@ class Stream:
         prepared = with_model(prepared, self._settings)
         return replace(prepared, model=jax.device_put(prepared.model))
 
-    def _prepared_for(self, silhouettes: UInt8[np.ndarray, "frames=1 cams h w8"]) -> Prepared:
+    def _prepared_for(self, frame: Recording) -> Prepared:
         """What is known for a frame: a grid where the person is, and the subject."""
+        silhouettes = np.asarray(frame.silhouettes)
         if self._prepared is None:
-            frame = eqx.tree_at(lambda r: (r.silhouettes, r.frame_index), self._empty, (silhouettes, np.arange(1)))
             cameras = self._empty.cameras.rotated(rotation_to_z_up(self._empty.up))
             middle = _middle(silhouettes, cameras)
             if middle is None:
@@ -192,7 +213,7 @@ class Stream:
         if self._better is not None:
             self._improve(self._better.found())
         if not self._found:
-            found = with_subject(self._prepared, silhouettes, self._settings, calibrate=True, at_once=1)
+            found = with_subject(self._prepared, frame, self._settings, calibrate=True, at_once=1)
             if found is not self._prepared:
                 self._prepared, self._found = self._ready(found), True
         return self._prepared

@@ -11,7 +11,7 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from .._runtime.batching import filled, on_device, single_precision, take
+from .._runtime.batching import filled, on_device, take
 from ..body import Body, Pose, Prior, Shape, Skeleton, measured_body, shaped_skeleton
 from ..body_calibration import bundle_adjust, carrying, dressed, find_luggage, prior_with_luggage
 from ..matching import Limbs
@@ -146,7 +146,7 @@ class _Given(NamedTuple):
         limbs, facing = take((self.sight.limbs, self.sight.facing), frames)
         fallback = graphless_poses(self.sight.middles, body.skeleton)
         starts = start_poses(limbs, facing, body.skeleton)
-        return solve_frames(make_model(body), self.search, starts, fallback, self.stack, frames)
+        return solve_frames(make_model(body, self.search.objective), self.search, starts, fallback, self.stack, frames)
 
 
 def _of_other_sizes_and_clothes(
@@ -191,8 +191,13 @@ def _settled(given: _Given, shape: Shape, found: Hypotheses, on_stage: Callable[
         found = given.poses_of(shape, every)
     on_stage(STAGES[4])
     poses = take(adjusted.poses, np.flatnonzero(used))
+    model = make_model(body, given.search.objective)
     fitted = fit_poses(
-        single_precision(body), jax.tree.map(lambda a: a[:, None], poses), take(given.sight.observed, used), _SCALES
+        model.body,
+        model.objective,
+        jax.tree.map(lambda a: a[:, None], poses),
+        take(given.sight.observed, used),
+        _SCALES,
     )
     low, typical = np.quantile(fitted.cost[:, 0], (0.1, 0.5))
     deviation = _stature_deviation(template, shape, adjusted.covariance)

@@ -1,5 +1,8 @@
 """A recording: synchronised silhouettes of one person in calibrated views, with what is known about the subject."""
 
+from dataclasses import replace
+from typing import Any
+
 import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
@@ -44,6 +47,8 @@ class Recording(eqx.Module):
     turns: Int[np.ndarray, " cams"] | None = None
     """Rotation of each camera's images after its calibration (degrees, clockwise), where known. `cameras` describe the
     images as they are now."""
+    data: dict[str, Float[np.ndarray, "frames ..."]] = eqx.field(default_factory=dict)
+    """What else is known of each frame, by names of your own, see `with_data`."""
 
     def __check_init__(self):
         """Reject silhouettes that are not those of the cameras, and facts that make no sense."""
@@ -60,19 +65,44 @@ class Recording(eqx.Module):
         if not 0 < self.fps < np.inf:
             raise ValueError(f"{self.name}: fps is {self.fps}; give a positive number of frames per second")
         rotation_to_z_up(self.up)  # refuses what is no axis
+        for name, array in self.data.items():
+            if array.shape[:1] != shape[:1]:
+                raise ValueError(
+                    f"{self.name}: {name}: has shape {array.shape}, but there are {shape[0]} frames; give one row for "
+                    "each frame, NaN where nothing is known"
+                )
 
     def __len__(self) -> int:
         return len(self.silhouettes)
 
-    def __getitem__(self, index: slice) -> "Recording":
-        """The frames of a slice."""
+    def __getitem__(self, index: slice | Int[np.ndarray, " some"]) -> "Recording":
+        """The frames of a slice, or those of some indices."""
         truth = self.truth
         if truth is not None:
             truth = Truth(truth.joints[index], None if truth.tips is None else truth.tips[index])
-        return Recording(
-            self.cameras, self.silhouettes[index], self.fps, self.up, self.frame_index[index], self.skeleton,
-            truth, self.name, self.turns,
-        )  # fmt: skip
+        data = {name: array[index] for name, array in self.data.items()}
+        return replace(
+            self, silhouettes=self.silhouettes[index], frame_index=self.frame_index[index], truth=truth, data=data
+        )
+
+    def with_data(self, **data: Any) -> "Recording":
+        """The same with more data, for terms of your own: numbers with the frames axis first, NaN where missing.
+
+        A term finds the row of its frame in ``observed.data``, see [`Observed`][jaxskel.refinement.terms.Observed].
+        Positions must be in a world with z up, see `rotation_to_z_up`: that is where terms see the body.
+
+        Raises:
+            ValueError: An array is not of numbers, or has not one row for each frame.
+        """
+        return replace(self, data=self.data | {name: _numbers(name, array) for name, array in data.items()})
+
+
+def _numbers(name: str, given: Any) -> Float[np.ndarray, "frames ..."]:
+    array = np.asarray(given)
+    if array.dtype.kind not in "biuf" or array.ndim == 0:
+        what = f"of {array.dtype}, shape {array.shape}" if isinstance(given, np.ndarray) else told(given)
+        raise ValueError(f"{name}: is {what}; give an array of numbers with one row for each frame")
+    return array.astype(np.float32)
 
 
 def pack_silhouettes(masks: Bool[np.ndarray, "frames cams h w"]) -> UInt8[np.ndarray, "frames cams h w8"]:

@@ -13,6 +13,7 @@ from ._frames import Refined as Refined
 from ._frames import Solver as Solver
 from ._frames import refine_frame as refine_frame
 from ._frames import refine_frames as refine_frames
+from ._frames import refine_frames_ahead as refine_frames_ahead
 from ._learn_weights import Learned as Learned
 from ._learn_weights import learn_weights as learn_weights
 from ._sequence import refine_sequence as refine_sequence

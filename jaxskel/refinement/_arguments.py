@@ -6,11 +6,11 @@ import jax
 import jax.numpy as jnp
 import optimistix as optx
 
-from .._runtime.kinds import check_count, check_kind, told
+from .._runtime.kinds import check_count, check_kind
 from ..body import Body, Pose, Skeleton
 from .parametrisations import Parametrisation
 from .solvers import BandedEquations, NormalEquationsLM
-from .terms import FunctionTerm, Objective, Observed
+from .terms import FunctionTerm, Objective, Observed, check_objective
 
 
 def check_frames(objective: Any, parametrisation: Any, solver: Any, *others: Any, **named: Any) -> None:
@@ -22,17 +22,6 @@ def check_frames(objective: Any, parametrisation: Any, solver: Any, *others: Any
     check_sequence(objective, parametrisation, solver, *others, **named)
     if isinstance(solver, NormalEquationsLM) and solver.equations is BandedEquations:
         raise ValueError("solver: sequence_solver() couples frames; give default_solver(), or call refine_sequence")
-
-
-def check_objective(objective: Any) -> None:
-    """Refuse what is no objective and has not its methods either.
-
-    Raises:
-        ValueError: One line.
-    """
-    methods = ("residuals", "correspond", "costs", "couplings")
-    if isinstance(objective, type) or not all(hasattr(objective, name) for name in methods):
-        raise ValueError(f"objective: is {told(objective)}; give an Objective, such as paper_objective()")
 
 
 def check_choices(parametrisation: Any, solver: Any, rounds: Any, max_steps: Any) -> None:

@@ -1,18 +1,23 @@
 """Refinement of single frames (Sect. 3.3): a constrained least squares solved by Optimistix, vmapped over frames."""
 
+from concurrent.futures import Executor
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optimistix as optx
+from jax.core import Tracer
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
-from .._runtime.compile_cache import checked_jit
+from .._runtime.batching import STACK
+from .._runtime.compile_cache import cached_jit
 from ..body import Pose, Skeleton
 from ._arguments import check_frames
 from ._covariance import equations_at, spread
+from ._trusted_gradient import trusted_gradient
 from .parametrisations import Parametrisation
 from .solvers import NormalEquations, NormalEquationsLM
 from .terms import Objective, Observed
@@ -21,6 +26,8 @@ Solver = optx.AbstractLeastSquaresSolver | optx.AbstractMinimiser
 
 # Frames per batch: larger batches wait longer for their slowest frame, and exceed the processor's cache.
 _AT_ONCE = 8
+# Numbers of frames that programs are compiled for; the larger one is also that of a recording's batches.
+_STACKS = _AT_ONCE, STACK
 
 
 class Refined(eqx.Module):
@@ -85,13 +92,14 @@ def refine_frame(
 
     start = parametrisation.begin(in_precision_of(parametrisation.unknowns(), initial), skeleton)
     base, (converged, steps, covariance) = jax.lax.scan(one_round, start, None, length=rounds)
+    base, spreads = jax.tree.map(lambda a: trusted_gradient(a, converged[-1]), (base, covariance[-1]))
     costs = objective.costs(parametrisation.placed(base, skeleton), observed)
     costs |= {name: (rows**2).sum() for name, rows in parametrisation.constraint_residuals(base, skeleton).items()}
     # With NaN data the solver stays at its start: the pose is finite then, but its costs are not.
     finite = jnp.isfinite(ravel_pytree((base, list(costs.values())))[0]).all()
     base = jax.tree.map(lambda new, old: jnp.where(finite, new, old), base, start)
     body, pose = parametrisation.placed(base, skeleton), parametrisation.pose(base, skeleton)
-    return Refined(pose, body.joints, body.tips, covariance[-1], costs, converged[-1] & finite, finite, steps[-1])
+    return Refined(pose, body.joints, body.tips, spreads, costs, converged[-1] & finite, finite, steps[-1])
 
 
 def in_precision_of(unknowns: Float[Array, " unknowns"], initial: Pose) -> Pose:
@@ -99,7 +107,6 @@ def in_precision_of(unknowns: Float[Array, " unknowns"], initial: Pose) -> Pose:
     return jax.tree.map(lambda a: jnp.asarray(a, jnp.promote_types(a.dtype, unknowns.dtype)), initial)
 
 
-@checked_jit(check_frames)
 def refine_frames(
     objective: Objective,
     parametrisation: Parametrisation,
@@ -111,6 +118,9 @@ def refine_frames(
     max_steps: int = 16,
 ) -> Refined:
     """Refine the poses of a batch of frames, each by itself (Sect. 3.3).
+
+    Another number of frames compiles nothing: frames are refined in stacks of fixed sizes. It is compiled for each
+    number of frames only within a function that is itself compiled or differentiated.
 
     Args:
         objective: Weighted terms; any Module with the same methods will do.
@@ -124,11 +134,65 @@ def refine_frames(
 
     Returns:
         Poses, cost of each term and the solver's outcome for every frame. A frame that fails does not affect others.
+        Derivatives of a frame that has not converged are NaN, see `trusted_gradient`.
 
     Raises:
-        ValueError: A term couples frames: use `refine_sequence`.
+        ValueError: A term couples frames: use `refine_sequence`. Or an argument makes no sense.
     """
+    check_frames(objective, parametrisation, solver, skeleton, initial, observed, rounds, max_steps)
+    count = len(initial.root)
 
+    def solved(initial: Pose, observed: Observed) -> Refined:
+        return _refined(objective, parametrisation, solver, skeleton, initial, observed, rounds, max_steps)
+
+    # A frame by itself has a program of its own, see `_refined`.
+    size = 1 if count == 1 else next((size for size in _STACKS if count <= size), _STACKS[-1])
+    given = jax.tree.leaves((objective, skeleton, initial, observed))
+    if count in (0, size) or any(isinstance(leaf, Tracer) for leaf in given):
+        return solved(initial, observed)
+    whole = jax.tree.map(np.asarray, (initial, observed))
+    parts = []
+    for first in range(0, count, size):
+        left = min(size, count - first)
+        # The last stack is filled up with its first frame.
+        rows = _rows(first, left, size)
+        part = jax.tree.map(lambda a, rows=rows: a[rows], whole)
+        parts.append(jax.tree.map(lambda a, left=left: np.asarray(a)[:left], solved(*part)))
+    return jax.tree.map(lambda *some: jnp.asarray(np.concatenate(some)), *parts)
+
+
+def _rows(first: int, count: int, size: int) -> slice | Int[np.ndarray, " size"]:
+    if count == size:
+        return slice(first, first + size)
+    return first + np.where(np.arange(size) < count, np.arange(size), 0)
+
+
+def refine_frames_ahead(
+    threads: Executor,
+    objective: Objective,
+    parametrisation: Parametrisation,
+    solver: Solver,
+    skeleton: Skeleton,
+    initial: Pose,
+    observed: Observed,
+    rounds: int,
+    max_steps: int,
+) -> None:
+    """Begin to compile `refine_frames` for a stack of frames; all other arguments are the same."""
+    _refined.ahead(threads, objective, parametrisation, solver, skeleton, initial, observed, rounds, max_steps)
+
+
+@cached_jit
+def _refined(
+    objective: Objective,
+    parametrisation: Parametrisation,
+    solver: Solver,
+    skeleton: Skeleton,
+    initial: Pose,
+    observed: Observed,
+    rounds: int,
+    max_steps: int,
+) -> Refined:
     def one(each: tuple[Int[Array, ""], Pose]) -> Refined:
         # Indexed in the stack: slicing would copy the silhouettes.
         frame = observed.of(each[0])

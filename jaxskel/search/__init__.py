@@ -7,6 +7,7 @@ or tracked from frame to frame.
 from ._ahead import any_poses as any_poses
 from ._ahead import fits_ahead as fits_ahead
 from ._ahead import limbs_ahead as limbs_ahead
+from ._costs import costs_by_term as costs_by_term
 from ._fit import fit_poses as fit_poses
 from ._fit import fit_scales as fit_scales
 from ._follow_frame import begun as begun
@@ -20,10 +21,10 @@ from ._gauss_newton import DAMPING as DAMPING
 from ._gauss_newton import RELATIVE_DAMPING as RELATIVE_DAMPING
 from ._hypotheses import Hypotheses as Hypotheses
 from ._initial_poses import initial_poses as initial_poses
-from ._search import Model as Model
+from ._model import Model as Model
+from ._model import make_model as make_model
 from ._search import Search as Search
 from ._search import cost_threshold as cost_threshold
-from ._search import make_model as make_model
 from ._search import solve_frames as solve_frames
 from ._search import solving as solving
 from ._start_poses import graphless_poses as graphless_poses

@@ -7,12 +7,14 @@ import numpy as np
 from ..body import SEGMENT_NAMES, Pose
 from ..refinement.terms import Observed
 from ._fit import AT_ONCE, fit_ahead
-from ._search import ARMS, LIMBS_AT_ONCE, Model, Search, with_pairs, with_single
+from ._limb_proposals import with_pairs, with_single
+from ._model import Model
+from ._search import ARMS, LIMBS_AT_ONCE, Search
 
 
 def fits_ahead(threads: Executor, model: Model, stack: Observed) -> None:
     """Begin to compile the fits of `solve_frames`: one program, with arms and without."""
-    fit_ahead(threads, model.body, any_poses(AT_ONCE), stack)
+    fit_ahead(threads, model.body, model.objective, any_poses(AT_ONCE), stack)
 
 
 def limbs_ahead(threads: Executor, model: Model, search: Search, stack: Observed) -> None:

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from concurrent.futures import Executor
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -18,7 +17,7 @@ from .._runtime.compile_cache import cached_jit
 from .._runtime.steps import Steps, finished
 from ..body import Body, Pose
 from ..refinement.parametrisations import HingedLimbs
-from ..refinement.terms import Observed, place, volume_objective
+from ..refinement.terms import Objective, Observed, place
 from ._gauss_newton import descend
 from ._hypotheses import Hypotheses, Pool, pool_of
 
@@ -41,30 +40,34 @@ def fit_scales(*rounds: tuple[float, int]) -> Scales:
     return np.resize(values, _MOST_STEPS), np.array(len(values), np.int32)
 
 
-def fit_poses(body: Body, poses: Pose, observed: Observed, scales: Scales) -> Hypotheses:
-    """Minimise `volume_objective` for hypotheses with axes ``frames hypotheses``; order them by cost."""
+def fit_poses(body: Body, objective: Objective, poses: Pose, observed: Observed, scales: Scales) -> Hypotheses:
+    """Minimise an objective of this body for hypotheses with axes ``frames hypotheses``; order them by cost."""
     frames = np.arange(len(poses.root))
-    found = fit_pool(body, pool_of(poses, frames), on_device(observed), scales)
+    found = fit_pool(body, objective, pool_of(poses, frames), on_device(observed), scales)
     return found.rows(frames, poses.root.shape[1])
 
 
-def fit_pool(body: Body, pool: Pool, stack: Observed, scales: Scales) -> Pool:
-    """Minimise `volume_objective` from each hypothesis of a pool; return the poses and their costs."""
-    return finished(fitting(body, pool, stack, scales))
+def fit_pool(body: Body, objective: Objective, pool: Pool, stack: Observed, scales: Scales) -> Pool:
+    """Minimise an objective of this body from each hypothesis of a pool; return the poses and their costs."""
+    return finished(fitting(body, objective, pool, stack, scales))
 
 
-def fitting(body: Body, pool: Pool, stack: Observed, scales: Scales) -> Steps[Pool]:
+def fitting(body: Body, objective: Objective, pool: Pool, stack: Observed, scales: Scales) -> Steps[Pool]:
     """As `fit_pool`, in steps."""
     if len(pool) == 0:
         return pool
     sizes = _ALONE if length_of(stack) == 1 else (AT_ONCE,)
-    poses, cost = yield from in_chunks(lambda poses, frames: _fitted(body, poses, frames, stack, scales), pool, sizes)
+
+    def fitted(poses: Pose, frames: Int[Array, " chunk"]) -> tuple[Pose, Float[Array, " chunk"]]:
+        return _fitted(body, objective, poses, frames, stack, scales)
+
+    poses, cost = yield from in_chunks(fitted, pool, sizes)
     return Pool(pool.frame, poses, cost)
 
 
-def fit_ahead(threads: Executor, body: Body, poses: Pose, stack: Observed) -> None:
+def fit_ahead(threads: Executor, body: Body, objective: Objective, poses: Pose, stack: Observed) -> None:
     """Begin to compile the fit of a body to a stack of observations; `poses` are `AT_ONCE` of any."""
-    _fitted.ahead(threads, body, poses, np.zeros(AT_ONCE, np.int32), stack, fit_scales((0.04, 1)))
+    _fitted.ahead(threads, body, objective, poses, np.zeros(AT_ONCE, np.int32), stack, fit_scales((0.04, 1)))
 
 
 def in_chunks(work: Callable[[Pose, Int[Array, " chunk"]], Any], pool: Pool, sizes: tuple[int, ...]) -> Steps[Any]:
@@ -80,13 +83,15 @@ def in_chunks(work: Callable[[Pose, Int[Array, " chunk"]], Any], pool: Pool, siz
     return jax.tree.map(lambda *parts: np.concatenate(parts)[: len(pool)], *done)
 
 
-def fit_hypothesis(body: Body, pose: Pose, observed: Observed, scales: Scales) -> tuple[Pose, Float[Array, ""]]:
+def fit_hypothesis(
+    body: Body, objective: Objective, pose: Pose, observed: Observed, scales: Scales
+) -> tuple[Pose, Float[Array, ""]]:
     """Minimise from one hypothesis of one frame; return the pose and its cost, infinite where that is not finite."""
-    # Built here, so that the compiler sees that all terms share one body, and places it once.
-    objective, few = volume_objective(body), observed.thinned(_FEW)
+    # The body is put in here, so that the compiler sees that all terms share one, and places it once.
+    objective, few = objective.of_body(body), observed.thinned(_FEW)
 
     def step(number: Array, pose: Pose) -> Pose:
-        scaled = eqx.tree_at(lambda o: o.terms["contours"].scale, objective, scales[0][number])
+        scaled = objective.at_scale(scales[0][number])
         return descend(scaled, _HINGED, body.skeleton, pose, few)
 
     pose = jax.lax.fori_loop(0, scales[1], step, pose)
@@ -96,6 +101,14 @@ def fit_hypothesis(body: Body, pose: Pose, observed: Observed, scales: Scales) -
 
 @cached_jit
 def _fitted(
-    body: Body, poses: Pose, frames: Int[Array | np.ndarray, " n"], stack: Observed, scales: Scales
+    body: Body,
+    objective: Objective,
+    poses: Pose,
+    frames: Int[Array | np.ndarray, " n"],
+    stack: Observed,
+    scales: Scales,
 ) -> tuple[Pose, Float[Array, " n"]]:
-    return jax.vmap(lambda pose, frame: fit_hypothesis(body, pose, stack.of(frame), scales))(poses, jnp.asarray(frames))
+    def one(pose: Pose, frame: Int[Array, ""]) -> tuple[Pose, Float[Array, ""]]:
+        return fit_hypothesis(body, objective, pose, stack.of(frame), scales)
+
+    return jax.vmap(one)(poses, jnp.asarray(frames))

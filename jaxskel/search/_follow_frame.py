@@ -16,7 +16,8 @@ from ..body import Pose
 from ..refinement.terms import Observed
 from ._fit import fit_pool
 from ._hypotheses import Hypotheses, Pool, pool_of
-from ._search import Model, cost_threshold
+from ._model import Model
+from ._search import cost_threshold
 from ._track import best_track, between_searches, follow_scales, state_after
 from ._track_state import Ongoing, Searched, Track, Tracking
 
@@ -152,4 +153,5 @@ def search_on(model: Model, tracking: Tracking, track: Track, stack: Observed) -
     moved = np.asarray(track.last.rotations) @ np.asarray(pose.rotations).swapaxes(-1, -2)
     carried = Pose(found.pose.root + (track.last.root - pose.root), moved @ found.pose.rotations)
     carried = jax.tree.map(lambda a: np.asarray(a)[None, None], carried)
-    return track, fit_pool(model.body, pool_of(carried, np.zeros(1, int)), stack, follow_scales(tracking))
+    pool = pool_of(carried, np.zeros(1, int))
+    return track, fit_pool(model.body, model.objective, pool, stack, follow_scales(tracking))

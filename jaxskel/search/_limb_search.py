@@ -4,10 +4,10 @@ Where an arm lies on the trunk, no graph path leads to its hand, and a fit from 
 must lie inside the hull and outside the trunk, and must explain outlines that the rest of the body leaves unexplained.
 A table of a few thousand poses is tested against these conditions quickly.
 
-All functions are for one frame, to be vmapped. Costs are in the units of `volume_objective`.
+All functions are for one frame, to be vmapped. Costs are those of the objective's terms that can score limbs.
 """
 
-from typing import TypeVar
+from collections.abc import Callable
 
 import equinox as eqx
 import jax
@@ -24,14 +24,11 @@ from ..body import (
     Skeleton,
     capsule_ends,
     limb_capsules,
-    nearest_capsule,
     nearest_to_rays,
 )
 from ..outlines import Contours
-from ..refinement.terms import AbstractTerm, ArmCollision, ContourContact, InsideSilhouettes, Objective, Observed, place
+from ..refinement.terms import AbstractTerm, Objective, Observed, place
 from ._limb_tables import LimbTable, arm_table, leg_table
-
-_Term = TypeVar("_Term", bound=AbstractTerm)
 
 # How many poses of the table pass each stage: upper bone inside the hull; whole limb inside the hull and outside the
 # trunk; cheapest with the unexplained outlines.
@@ -42,8 +39,6 @@ _RAYS = 256
 _EXPLAINED = 0.012
 # Two poses of a limb are the same if middle joint and end are closer than this (m).
 _APART = 0.12
-# One sampled point of a limb stands for this many of the points that InsideSilhouettes samples.
-_SAMPLES = 3.0
 
 
 class Limb(eqx.Module):
@@ -109,13 +104,12 @@ def unexplained(
 
     Their number is fixed; it is filled up with explained rays of zero cost.
     """
-    contact = _term(objective, ContourContact)
     assert observed.contours is not None
     centres, directions = jnp.asarray(observed.contours.centres), jnp.asarray(observed.contours.directions)
     placed = place(body.skeleton, pose)
     ends, radii = _capsules(body, capsule_ends(body, placed.origins, placed.rotations), capsules)
     distance, chosen = jax.lax.top_k(nearest_to_rays(centres, directions, ends, radii).distance, _RAYS)
-    each = contact.weight / len(centres) * jnp.minimum(distance, contact.limit) ** 2
+    each = _summed(objective, distance, lambda term: term.ray_costs(distance, observed))
     return Contours(centres[chosen], directions[chosen]), jnp.where(distance > _EXPLAINED, each, 0.0)
 
 
@@ -129,11 +123,6 @@ def score_limb(
     costs: Float[Array, " rays"],
 ) -> Scored:
     """Score the poses of one limb's table by hull, trunk and unexplained outlines."""
-    inside, collision = _term(objective, InsideSilhouettes), _term(objective, ArmCollision)
-    contact = _term(objective, ContourContact)
-    silhouettes = observed.silhouettes
-    assert observed.contours is not None
-    assert silhouettes is not None
     placed = place(body.skeleton, pose)
     parent, upper = limb.segments[0], limb.segments[1]
     origin, turned = placed.origins[upper], placed.rotations[parent]
@@ -144,9 +133,9 @@ def score_limb(
     uppers = origin[None, None] + uppers @ turned.T
 
     def outside(points: Float[Array, "poses points 3"], radii: Float[Array, " points"]) -> Float[Array, " poses"]:
-        away = silhouettes.near(points.reshape(-1, 3))
-        costs = inside.costs(away, jnp.tile(radii, len(points)), jnp.asarray(silhouettes.misses))
-        return _SAMPLES * inside.weight / (len(body.links) * 3) * costs.reshape(len(points), -1).sum(1)
+        balls = points.reshape(-1, 3), jnp.tile(radii, len(points))
+        found = _summed(objective, balls[1], lambda term: term.ball_costs(*balls, observed))
+        return found.reshape(len(points), -1).sum(1)
 
     # The upper bone has few directions: poses whose upper bone leaves the hull are dropped before the rest is scored.
     upper_cost, index = _cheapest(outside(uppers, radii[:2])[directions], _INSIDE)
@@ -155,10 +144,10 @@ def score_limb(
     cost = upper_cost + outside(lowers, radii[2:])
     if limb.kind == "arm":
         ends, capsule_radii = _capsules(body, capsule_ends(body, placed.origins, placed.rotations), _TRUNK_AND_LEGS)
-        low = jnp.concatenate([uppers[:, 1:], lowers], 1).reshape(-1, 3)
-        _, distance = nearest_capsule(low, ends, capsule_radii)
-        depth = jnp.maximum(collision.share * radii[None, 1:] - distance.reshape(-1, 4), 0.0)
-        cost = cost + collision.weight * jnp.minimum(depth**2, collision.limit**2).sum(1)
+        low = jnp.concatenate([uppers[:, 1:], lowers], 1)
+        balls = low.reshape(-1, 3), jnp.tile(radii[1:], len(low))
+        deep = _summed(objective, balls[1], lambda term: term.collision_costs(*balls, ends, capsule_radii))
+        cost = cost + deep.reshape(len(low), -1).sum(1)
     cost, best = _cheapest(cost, _OUTSIDE)
     index, chosen = index[best], jnp.concatenate([uppers[best], lowers[best]], 1)
     tip = chosen[:, 4] + 0.5 * (chosen[:, 4] - chosen[:, 3])
@@ -168,8 +157,8 @@ def score_limb(
     capsule_radii = jnp.stack([radii[0], radii[0], radii[1], radii[3], radii[4], radii[4]]).reshape(3, 2)
     rays = jnp.asarray(unexplained.centres), jnp.asarray(unexplained.directions)
     distance = jax.vmap(lambda ends: nearest_to_rays(*rays, ends, capsule_radii).distance)(capsules)
-    scale = contact.weight / len(jnp.asarray(observed.contours.centres))
-    left = jnp.minimum(costs[None], scale * jnp.maximum(distance, 0.0) ** 2)
+    distance = jnp.maximum(distance, 0.0)
+    left = jnp.minimum(costs[None], _summed(objective, distance, lambda term: term.ray_costs(distance, observed)))
     _, best = _cheapest(cost + left.sum(1), _BEST)
     joints = chosen[best][:, np.array([1, 4], np.int32)] - origin[None, None]
     return Scored(index[best], cost[best], left[best], joints)
@@ -241,5 +230,16 @@ def _capsules(
     return jnp.asarray(ends)[chosen], jnp.asarray(body.radii)[jnp.asarray(body.links)[chosen]]
 
 
-def _term(objective: Objective, kind: type[_Term]) -> _Term:
-    return next(term for term in objective.terms.values() if isinstance(term, kind))
+def scores_limbs(objective: Objective) -> bool:
+    """Whether any term can score the poses of a table by themselves."""
+    own = "ball_costs", "ray_costs"
+    terms = objective.of_frames.values()
+    return any(getattr(type(term), name) is not getattr(AbstractTerm, name) for term in terms for name in own)
+
+
+def _summed(
+    objective: Objective, like: Float[Array, "*each"], costs_of: Callable[[AbstractTerm], Float[Array, "*each"] | None]
+) -> Float[Array, "*each"]:
+    """Weighted costs of all terms that have such costs."""
+    found = ((term.weight, costs_of(term)) for term in objective.of_frames.values())
+    return sum((weight * costs for weight, costs in found if costs is not None), jnp.zeros_like(like))

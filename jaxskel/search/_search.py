@@ -7,24 +7,22 @@ from collections.abc import Callable
 from functools import partial
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int
 
-from .._runtime.batching import length_of, on_device, single_precision, take
-from .._runtime.compile_cache import quickly_compiled
+from .._runtime.batching import length_of, on_device, take
 from .._runtime.kinds import check_count, check_number
 from .._runtime.steps import Steps, finished
-from ..body import BALL_NAMES, LINKS, SEGMENT_NAMES, Body, Pose, Skeleton, limb_capsules, place_joints
-from ..refinement.terms import Objective, Observed, volume_objective
+from ..body import SEGMENT_NAMES, Pose, place_joints
+from ..refinement.terms import GivenObjective, Observed, check_given, volume_objective
 from ._fit import fit_scales, fitting, in_chunks
 from ._hypotheses import Hypotheses, Pool, pool_of, select_distinct
-from ._limb_search import Limb, Scored, best_pairs, best_single, make_limb, score_limb, unexplained, with_limb, without
+from ._limb_proposals import with_pairs, with_single
+from ._limb_search import scores_limbs
+from ._model import Model
 from ._start_poses import other_ways
 
 ARMS, _LEGS = ("l_arm", "r_arm"), ("l_leg", "r_leg")
-_LIMBS = ARMS + _LEGS
 _ARM_SEGMENTS = ("clavicle", "upper_arm", "forearm", "hand")
 # A search is repeated only if it made the pose cheaper by more than this.
 _GAIN = 1.0
@@ -37,8 +35,6 @@ _DOUBTFUL = 10.0
 _DOUBTFUL_SHARE = 0.25
 # The segments of the body without arms.
 _TRUNK = np.array([i for i, name in enumerate(SEGMENT_NAMES) if name[2:] not in _ARM_SEGMENTS], np.int32)
-# The limb search uses one in this many rays, to save time.
-_SOME = 3
 # Poses per batch of the limb search. Larger batches need over 32 MB of temporary memory, which the system then
 # allocates and frees each time.
 LIMBS_AT_ONCE = 4
@@ -48,8 +44,11 @@ _Propose = Callable[[Pose, Array], Pose]
 
 
 class Search(eqx.Module):
-    """Breadth and depth of the search. Margins and costs are in the units of `volume_objective`."""
+    """What a search for poses minimises, its breadth and depth. Margins and costs are in the units of its objective."""
 
+    objective: GivenObjective = volume_objective
+    """Fits every hypothesis and decides between them: an objective, whose terms are given the subject's body, or a
+    function that makes one for it. Margins below are for costs like those of `volume_objective`."""
     rough_steps: int = 4
     """Steps of the first, rough fit of each start."""
     starts: int = 4
@@ -74,7 +73,8 @@ class Search(eqx.Module):
     """Above this cost the legs are searched for too, and then the search starts again from the fallback poses."""
 
     def __check_init__(self):
-        """Reject numbers that make no sense."""
+        """Reject what is no objective, and numbers that make no sense."""
+        check_given(self.objective)
         for name in ("rough_steps", "starts", "leg_steps", "trunks", "pairs", "singles", "steps"):
             check_count(name, getattr(self, name))
         check_count("again", self.again, 0)
@@ -95,35 +95,6 @@ def cost_threshold(typical: float | None) -> float:
     if typical is None:
         return Search().doubtful
     return _DEAR[0] * typical + _DEAR[1]
-
-
-class Model(eqx.Module):
-    """The subject's body, prepared for the search."""
-
-    body: Body
-    armless: Body
-    """The body without arms."""
-    limbs: dict[str, Limb]
-
-    @property
-    def objective(self) -> Objective:
-        """The objective of a pose of the whole body."""
-        return volume_objective(self.body)
-
-    @property
-    def skeleton(self) -> Skeleton:
-        """Skeleton of the body."""
-        return self.body.skeleton
-
-
-def make_model(body: Body) -> Model:
-    """Prepare a subject for the search."""
-    body = single_precision(body)
-    # The arms stay, but with negative radii, so that they touch nothing: one program fits both bodies.
-    arms = limb_capsules("l_arm", "r_arm")
-    balls = np.isin(np.arange(len(BALL_NAMES)), np.setdiff1d(LINKS[arms], LINKS[~arms]))
-    armless = eqx.tree_at(lambda b: b.radii, body, np.where(balls, -9, body.radii))
-    return Model(body, single_precision(armless), {name: make_limb(body.skeleton, name) for name in _LIMBS})
 
 
 def solve_frames(
@@ -185,7 +156,7 @@ def solving(
 def _searched(model: Model, search: Search, starts: Pool, stack: Observed, wide: bool) -> Steps[Pool]:
     def again(found: Pool, frames: Int[np.ndarray, " some"], propose: _Propose) -> Steps[Pool]:
         """Propose other limbs for the best pose of some frames, fit the proposals, and keep the cheapest."""
-        if len(frames) == 0:
+        if len(frames) == 0 or not scores_limbs(model.objective):
             return found
         best = found.of(frames).cheapest(1)
         proposed = yield from _proposed(best, propose, stack)
@@ -197,7 +168,9 @@ def _searched(model: Model, search: Search, starts: Pool, stack: Observed, wide:
 
     def settled(found: Pool) -> Steps[Pool]:
         """Fit the best pose of each frame further."""
-        best = yield from fitting(model.body, found.cheapest(1), stack, fit_scales((0.04, search.steps)))
+        best = yield from fitting(
+            model.body, model.objective, found.cheapest(1), stack, fit_scales((0.04, search.steps))
+        )
         return best.joined(found).distinct(search.trunks * search.pairs)
 
     found = yield from settled((yield from _first_found(model, search, starts, stack, wide)))
@@ -216,16 +189,21 @@ def _searched(model: Model, search: Search, starts: Pool, stack: Observed, wide:
 def _first_found(model: Model, search: Search, starts: Pool, stack: Observed, wide: bool) -> Steps[Pool]:
     """Fit the trunk, then the legs, then search for both arms at once; if `wide`, search for the legs before."""
     half = search.leg_steps // 2
-    trunks = yield from fitting(model.armless, starts, stack, fit_scales((0.08, search.rough_steps)))
-    if wide:
+    trunks = yield from fitting(model.armless, model.objective, starts, stack, fit_scales((0.08, search.rough_steps)))
+    scored = scores_limbs(model.objective)
+    if wide and scored:
         # Of every start: before the legs are right, the cost does not tell which trunk is.
         trunks = yield from _proposed(trunks, _pairs_of(_LEGS, model, search, stack), stack)
-        trunks = yield from fitting(model.armless, trunks, stack, fit_scales((0.08, search.rough_steps)))
+        trunks = yield from fitting(
+            model.armless, model.objective, trunks, stack, fit_scales((0.08, search.rough_steps))
+        )
     trunks = trunks.cheapest(search.starts)
     for scale, steps in ((0.08, half), (0.05, search.leg_steps - half)):
-        trunks = yield from fitting(model.armless, trunks, stack, fit_scales((scale, steps)))
+        trunks = yield from fitting(model.armless, model.objective, trunks, stack, fit_scales((scale, steps)))
         trunks = take(trunks, select_distinct(trunks, search.trunk_margin, search.trunks, _TRUNK))
-    proposed = yield from _proposed(trunks, _pairs_of(ARMS, model, search, stack), stack)
+    proposed = trunks
+    if scored:
+        proposed = yield from _proposed(trunks, _pairs_of(ARMS, model, search, stack), stack)
     return (yield from _fitted(model, search, proposed, stack, search.pairs))
 
 
@@ -234,10 +212,10 @@ def _fitted(
 ) -> Steps[Pool]:
     """Fit hypotheses with all limbs; only the promising ones take the second half of the steps."""
     half = search.steps // 2
-    rough = yield from fitting(model.body, pool, stack, fit_scales((0.06, half)))
+    rough = yield from fitting(model.body, model.objective, pool, stack, fit_scales((0.06, half)))
     chosen = select_distinct(rough, search.margin, count, known=known)
     scales = fit_scales((0.04, search.steps - half))
-    fine = yield from fitting(model.body, take(rough, chosen), stack, scales)
+    fine = yield from fitting(model.body, model.objective, take(rough, chosen), stack, scales)
     return fine.joined(take(rough, ~chosen))
 
 
@@ -249,47 +227,3 @@ def _proposed(pool: Pool, propose: _Propose, stack: Observed) -> Steps[Pool]:
 
 def _pairs_of(limbs: tuple[str, str], model: Model, search: Search, stack: Observed) -> _Propose:
     return lambda poses, at: with_pairs(model, poses, at, stack, limbs, search.pairs)
-
-
-@quickly_compiled
-def with_pairs(
-    model: Model,
-    poses: Pose,
-    frames: Int[Array | np.ndarray, " n"],
-    stack: Observed,
-    names: tuple[str, str],
-    count: int,
-) -> Pose:
-    """Replace two limbs of each pose by their cheapest pairs of table poses (axes ``n count``)."""
-    limbs = tuple(model.limbs[name] for name in names)
-    both, rest = jax.tree.map(lambda *each: jnp.stack(each), *limbs), without(*names)
-
-    def one(pose: Pose, frame: Int[Array, ""]) -> Pose:
-        some = stack.of(frame).thinned(_SOME)
-        points, costs = unexplained(model.body, pose, model.objective, some, rest)
-
-        # A loop over the limbs: they are compiled once.
-        def scored(limb: Limb) -> Scored:
-            return score_limb(model.body, pose, model.objective, some, limb, points, costs)
-
-        scores = jax.lax.map(scored, both)
-        left, right = (jax.tree.map(lambda a, i=i: a[i], scores) for i in (0, 1))
-        first, second = best_pairs(left, right, count)
-        return jax.vmap(lambda i, j: with_limb(with_limb(pose, limbs[0], i), limbs[1], j))(first, second)
-
-    return jax.vmap(one)(poses, jnp.asarray(frames))
-
-
-@quickly_compiled
-def with_single(
-    model: Model, poses: Pose, frames: Int[Array | np.ndarray, " n"], stack: Observed, limb: Limb, count: int
-) -> Pose:
-    """Replace one limb of each pose by its cheapest table poses (axes ``n count``)."""
-
-    def one(pose: Pose, frame: Int[Array, ""]) -> Pose:
-        some = stack.of(frame).thinned(_SOME)
-        points, costs = unexplained(model.body, pose, model.objective, some, limb.others)
-        scored = score_limb(model.body, pose, model.objective, some, limb, points, costs)
-        return jax.vmap(lambda index: with_limb(pose, limb, index))(best_single(scored, count))
-
-    return jax.vmap(one)(poses, jnp.asarray(frames))

@@ -14,7 +14,8 @@ from ..body import Pose, place_joints
 from ..refinement.terms import Observed
 from ._fit import Scales, fit_hypothesis, fit_scales
 from ._hypotheses import Hypotheses, Pool, pool_of
-from ._search import Model, Search, cost_threshold, solve_frames
+from ._model import Model
+from ._search import Search, cost_threshold, solve_frames
 from ._track_state import Track, Tracking, must_be_found
 
 # Number of past costs in the running median.
@@ -207,7 +208,7 @@ def _follow(
         (last, before), (offered, offered_cost, number) = past, frame
         seen = stack.of(number)
         hypotheses = jax.tree.map(lambda *a: jnp.stack(a), last, _onwards(last, before))
-        poses, cost = jax.vmap(lambda pose: fit_hypothesis(model.body, pose, seen, scales))(hypotheses)
+        poses, cost = jax.vmap(lambda pose: fit_hypothesis(model.body, model.objective, pose, seen, scales))(hypotheses)
         best = jnp.argmin(cost)
         pose, cost = jax.tree.map(lambda a: a[best], (poses, cost))
         switch = offered_cost < cost - margin

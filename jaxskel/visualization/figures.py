@@ -37,12 +37,12 @@ class Stages(eqx.Module):
 
 def stages_of(recording: Recording, prepared: Prepared, settings: Settings, frame: int) -> Stages | None:
     """Run all stages on one frame and keep their results; None if there is no person."""
-    silhouettes = recording.silhouettes[frame : frame + 1]
-    found = observe_batch(silhouettes, prepared, settings, outlines=False)
+    alone = recording[frame : frame + 1]
+    found = observe_batch(alone, prepared, settings, outlines=False)
     if found.labelled is None:
         return None
     assert found.seen.hulls is not None
-    poses, _ = reconstruct_batch(silhouettes, recording, prepared, settings)
+    poses, _ = reconstruct_batch(alone, prepared, settings)
     return Stages(
         found.seen.hulls, found.labelled.graphs[0], found.labelled.limbs, poses.joints[0] @ prepared.to_z_up.T
     )

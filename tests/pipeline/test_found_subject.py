@@ -68,8 +68,8 @@ def test_what_is_compiled_ahead_is_all_that_takes_long(monkeypatch):
     monkeypatch.setattr(CachedJit, "ahead", ahead)
     monkeypatch.setattr("jaxskel.pipeline._ahead.usable_cores", lambda: 2)
     recording, settings = film(BODY), Settings(hull=HullSettings(max_misses=0))
-    reconstruct_batch(recording.silhouettes[:], recording, prepare(recording, settings), settings)
-    long = {"_fitted", "with_pairs", "with_single", "linearised", "_turned", "refine_frames"}
+    reconstruct_batch(recording, prepare(recording, settings), settings)
+    long = {"_fitted", "with_pairs", "with_single", "linearised", "_turned", "_refined"}
     assert {name for name, _ in begun} == long
     assert begun <= called
     # Legs are searched for in doubtful frames only.

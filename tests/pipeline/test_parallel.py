@@ -107,14 +107,14 @@ def test_batches_come_in_order_and_tracks_are_handed_on(monkeypatch):
     def at(start: int) -> Track:
         return Track(somewhere, somewhere, start, np.zeros(1))
 
-    def batch(silhouettes, recording, prepared, settings, track):
-        start = first[silhouettes[0].tobytes()]
+    def batch(part, prepared, settings, track):
+        start = first[part.silhouettes[0].tobytes()]
         time.sleep(0.02 if start < 64 else 0.0)  # the first batches finish last
         followed.append((track and track.since, start))
-        count = len(silhouettes)
+        count = len(part)
         empty = np.full((count, 15, 3), np.nan, np.float32), np.full((count, 5, 3), np.nan, np.float32)
         trust = np.zeros((count, 15), np.float32), np.full(count, 0.5, np.float32)
-        return Poses(*empty, None, None, *trust, np.full(count, start), 30.0, "+Z", np.arange(count)), at(start)
+        return Poses(*empty, None, None, *trust, np.full(count, start), 30.0, "+Z", part.frame_index), at(start)
 
     monkeypatch.setattr(parallel, "reconstruct_batch", batch)
     monkeypatch.setattr(parallel, "WorkerProcess", WorkerThread)

@@ -58,8 +58,8 @@ def test_the_length_of_a_stack_changes_nothing(scene, settings):
     settings = settings or with_known_body(scene)
     prepared = prepare(scene, settings)
     for frame in (0, 12):
-        one = scene.silhouettes[frame : frame + 1]
-        alone, together = (reconstruct_batch(one, scene[:0], prepared, settings, at_once=n)[0] for n in (1, 32))
+        one = scene[frame : frame + 1]
+        alone, together = (reconstruct_batch(one, prepared, settings, at_once=n)[0] for n in (1, 32))
         np.testing.assert_array_equal(alone.status, together.status)
         assert apart_mm(alone, together).max() < 1.0
         np.testing.assert_allclose(alone.confidence, together.confidence, atol=0.02)

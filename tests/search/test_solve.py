@@ -146,7 +146,7 @@ def test_without_steps_poses_are_only_ordered(filmed):
     roots = truth.root[:, None] + off[..., None] * [0.6, 0.0, 0.8]
     poses = Pose(roots, np.repeat(truth.rotations[:, None], 7, 1))
     model = make_model(BODY)
-    found = fit_poses(model.body, poses, some(filmed.observed, frames), fit_scales((0.04, 0)))
+    found = fit_poses(model.body, model.objective, poses, some(filmed.observed, frames), fit_scales((0.04, 0)))
     assert found.cost.shape == (9, 7)
     expected = np.take_along_axis(roots, np.argsort(off, 1)[..., None], 1)
     np.testing.assert_allclose(found.poses.root, expected, atol=1e-6)
@@ -158,7 +158,7 @@ def test_fits_come_back_to_the_truth(filmed):
     model = make_model(BODY)
     off = Pose(filmed.truth.root + [0.03, -0.02, 0.02], filmed.truth.rotations)
     scales = fit_scales((0.06, 4), (0.04, 4))
-    found = fit_poses(model.body, some(off, np.s_[:, None]), filmed.observed, scales)
+    found = fit_poses(model.body, model.objective, some(off, np.s_[:, None]), filmed.observed, scales)
     joints = joints_of(some(found.poses, (slice(None), 0)))
     assert farthest(joints, filmed.joints).max() < 0.05
     assert np.median(np.linalg.norm(joints - filmed.joints, axis=-1)) < 0.012

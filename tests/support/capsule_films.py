@@ -41,7 +41,7 @@ def film_body(truth: Pose, fps: float, body: Body = BODY) -> Filmed:
     silhouettes = render(cameras, *place_body(body, truth))
     recording = Recording(cameras, silhouettes, fps, "+Z", np.arange(count), ADULT)
     settings = Settings(hull=HullSettings(max_misses=0))
-    found = observe_batch(silhouettes, prepare(recording, settings, calibrate=False), settings)
+    found = observe_batch(recording, prepare(recording, settings, calibrate=False), settings)
     labelled, outlines = found.labelled, found.outlines
     assert labelled is not None
     assert outlines is not None

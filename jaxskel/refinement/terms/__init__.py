@@ -16,6 +16,10 @@ from ._contour_contact import ContourContact as ContourContact
 from ._end_nodes import EndNodeAttraction as EndNodeAttraction
 from ._function_term import FunctionTerm as FunctionTerm
 from ._function_term import from_function as from_function
+from ._given import GivenObjective as GivenObjective
+from ._given import check_given as check_given
+from ._given import check_objective as check_objective
+from ._given import objective_of as objective_of
 from ._graph_attraction import GraphAttraction as GraphAttraction
 from ._hinges import HingeLimits as HingeLimits
 from ._inner_nodes import InnerNodeAttraction as InnerNodeAttraction

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...body import SEGMENT_NAMES, Body, all_distances, ball_centres, toward_capsule
+from ...body import SEGMENT_NAMES, Body, all_distances, ball_centres, nearest_capsule, toward_capsule
 from ._base import AbstractTerm, Observed, PlacedBody, number
 
 _ARM = np.array([name[2:] in ("clavicle", "upper_arm", "forearm", "hand") for name in SEGMENT_NAMES])
@@ -59,3 +59,14 @@ class ArmCollision(AbstractTerm):
         """Sum of squared depths (m^2), each constant beyond `limit`."""
         depth = jnp.maximum(self.correspond(body, observed).depth, 0.0)
         return jnp.minimum(depth**2, self.limit**2).sum()
+
+    def collision_costs(
+        self,
+        points: Float[Array, "balls 3"],
+        radii: Float[Array, " balls"],
+        ends: Float[Array, "capsules 2 3"],
+        capsule_radii: Float[Array, "capsules 2"],
+    ) -> Float[Array, " balls"]:
+        """Squared depths (m^2), each constant beyond `limit`."""
+        _, distance = nearest_capsule(points, ends, capsule_radii)
+        return jnp.minimum(jnp.maximum(self.share * radii - distance, 0.0) ** 2, self.limit**2)

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..._runtime.kinds import check_number, told
-from ...body import Pose, Skeleton, place_segments
+from ...body import Body, Pose, Skeleton, place_segments
 from ...outlines import Contours, SilhouetteDistances
 
 
@@ -112,6 +112,47 @@ class AbstractTerm(eqx.Module):
         """Unweighted cost of a pose: the squared norm of the residual, unless a term overrides it by a robust cost."""
         return (self.residual(body, observed, self.correspond(body, observed)) ** 2).sum()
 
+    def of_body(self, body: Body) -> "AbstractTerm":
+        """The same term for another subject: every `Body` and `Skeleton` in it is replaced."""
+
+        def other(node: Any) -> Any:
+            return body if isinstance(node, Body) else body.skeleton if isinstance(node, Skeleton) else node
+
+        return jax.tree.map(other, self, is_leaf=lambda node: isinstance(node, Body | Skeleton))
+
+    def at_scale(self, scale: Float[Array, ""]) -> "AbstractTerm":
+        """The same term with another robust scale (m): fits begin with a large one. By default the term itself."""
+        return self
+
+    def ball_costs(
+        self, points: Float[Array, "balls 3"], radii: Float[Array, " balls"], observed: Observed
+    ) -> Float[Array, " balls"] | None:
+        """Unweighted cost of balls that a limb is made of, wherever the rest of the body is.
+
+        The search scores its tables of limb poses by this. None, the default: the term only takes part in the fits
+        and in the choice between hypotheses.
+
+        Args:
+            points: Centres (m, in the world): two on the upper bone, three on the lower one, for each pose.
+            radii: Their radii (m).
+            observed: One frame.
+        """
+        return None
+
+    def collision_costs(
+        self,
+        points: Float[Array, "balls 3"],
+        radii: Float[Array, " balls"],
+        ends: Float[Array, "capsules 2 3"],
+        capsule_radii: Float[Array, "capsules 2"],
+    ) -> Float[Array, " balls"] | None:
+        """Unweighted cost of an arm's balls (m) beside capsules of trunk, head and legs, as `ball_costs`."""
+        return None
+
+    def ray_costs(self, distance: Float[Array, "*rays"], observed: Observed) -> Float[Array, "*rays"] | None:
+        """Unweighted cost of outline rays at a distance (m) from the body, zero or more, as `ball_costs`."""
+        return None
+
 
 class AbstractCoupling(eqx.Module):
     """A residual that couples a frame with the ones before and after it, for `refine_sequence`."""
@@ -157,6 +198,14 @@ class Objective(eqx.Module):
         for name in names:
             if name not in self.terms:
                 raise ValueError(f"the objective has no term {name!r}; it has {', '.join(self.terms)}")
+
+    def of_body(self, body: Body) -> "Objective":
+        """The same objective for another subject, see `AbstractTerm.of_body`; couplings stay as they are."""
+        return self.plus(**{name: term.of_body(body) for name, term in self.of_frames.items()})
+
+    def at_scale(self, scale: Float[Array, ""]) -> "Objective":
+        """The objective with another robust scale (m) in all terms that have one."""
+        return self.plus(**{name: term.at_scale(scale) for name, term in self.of_frames.items()})
 
     @property
     def of_frames(self) -> dict[str, AbstractTerm]:

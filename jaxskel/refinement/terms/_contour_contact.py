@@ -1,5 +1,7 @@
 """Term that makes the outlines of the silhouettes outlines of the body."""
 
+from dataclasses import replace
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -42,6 +44,15 @@ class ContourContact(CapsuleTerm):
         """Squared distances (m^2), constant beyond `limit`, as a mean over the rays."""
         distance = self._nearest(body, observed)[1].distance
         return (jnp.where(distance < 0, self.inner, 1.0) * jnp.minimum(distance**2, self.limit**2)).mean()
+
+    def at_scale(self, scale: Float[Array, ""]) -> "ContourContact":
+        """The same term with another `scale`."""
+        return replace(self, scale=scale)
+
+    def ray_costs(self, distance: Float[Array, "*rays"], observed: Observed) -> Float[Array, "*rays"]:
+        """Squared distances (m^2), constant beyond `limit`, as shares of the mean over all rays."""
+        assert observed.contours is not None
+        return jnp.minimum(distance, self.limit) ** 2 / len(observed.contours.centres)
 
     def _weight(self, near: Grazed) -> Float[Array, " rays"]:
         weight = 1 / (1 + (near.distance / self.scale) ** 2) ** 2 * jnp.where(near.distance < 0, self.inner, 1.0)

@@ -13,6 +13,8 @@ from ._quadrics import PAIRS, CapsuleTerm, Quadrics, quadrics_of_samples
 
 # Positions of the sample points along each capsule's axis.
 _PLACES = np.array([1 / 6, 1 / 2, 5 / 6], np.float32)
+# A ball of a limb in a table of poses stands for as many sample points.
+_SAMPLES = 3.0
 
 
 class InsideSilhouettes(CapsuleTerm):
@@ -84,6 +86,14 @@ class InsideSilhouettes(CapsuleTerm):
         decides = jnp.maximum(_heard(out, misses).max(0), 0.0)
         singles = jnp.clip(out, 0.0, self.single_scale) ** 2
         return jnp.minimum(decides, self.scale) ** 2 + self.single * singles.sum(0)
+
+    def ball_costs(
+        self, points: Float[Array, "balls 3"], radii: Float[Array, " balls"], observed: Observed
+    ) -> Float[Array, " balls"]:
+        """Robust squared depths (m^2), as shares of the mean over all sample points; distances are rough."""
+        silhouettes = _silhouettes(observed)
+        costs = self.costs(silhouettes.near(points), radii, jnp.asarray(silhouettes.misses))
+        return _SAMPLES / (len(self.body.links) * len(_PLACES)) * costs
 
     def _points(self, ends: Float[Array, "capsules 2 3"]) -> Float[Array, "samples 3"]:
         return (ends[:, None, 0] + _PLACES[None, :, None] * (ends[:, 1] - ends[:, 0])[:, None]).reshape(-1, 3)

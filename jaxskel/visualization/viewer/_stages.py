@@ -47,8 +47,7 @@ def stages_of_frames(
         settings: Settings of the stages.
     """
     for start in range(0, len(rows), FRAMES_PER_WORD):
-        silhouettes = recording.silhouettes[rows[start : start + FRAMES_PER_WORD]]
-        found = observe_batch(silhouettes, prepared, settings, outlines=False)
+        found = observe_batch(recording[rows[start : start + FRAMES_PER_WORD]], prepared, settings, outlines=False)
         seen = found.seen
         person = {int(frame): i for i, frame in enumerate(seen.frames)}
         graphs, limbs, everything = [], Limbs.none(0), None
@@ -58,8 +57,8 @@ def stages_of_frames(
         # of people. With too few views there is no hull.
         refused = ~np.isin(seen.status, (Status.OK, Status.EMPTY, Status.TOO_FEW_VIEWS))
         if prepared.table is not None and refused.any():
-            everything = carve(silhouettes, prepared.table, seen.empty_views, prepared.max_misses)
-        for frame in range(len(silhouettes)):
+            everything = carve(found.silhouettes, prepared.table, seen.empty_views, prepared.max_misses)
+        for frame in range(len(found.silhouettes)):
             surface, edges, named = np.zeros((0, 3)), np.zeros((0, 2, 3)), np.full((len(LABELS), 3), np.nan)
             if frame in person and seen.hulls is not None:
                 i = person[frame]
@@ -68,7 +67,7 @@ def stages_of_frames(
                 surface = surface_centres(everything, frame)
             back = prepared.to_z_up
             status = Status(int(seen.status[frame]))
-            yield FrameStages(silhouettes[frame], status, surface @ back, edges @ back, named @ back)
+            yield FrameStages(found.silhouettes[frame], status, surface @ back, edges @ back, named @ back)
 
 
 def surface_centres(hulls: VisualHulls, frame: int) -> Float[np.ndarray, "voxels 3"]:

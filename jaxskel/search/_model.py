@@ -1,0 +1,47 @@
+"""The subject's body and the objective, prepared for the search."""
+
+import equinox as eqx
+import numpy as np
+
+from .._runtime.batching import single_precision
+from ..body import BALL_NAMES, LINKS, Body, Skeleton, limb_capsules
+from ..refinement.terms import GivenObjective, Objective, objective_of, volume_objective
+from ._limb_search import Limb, make_limb
+
+_LIMBS = "l_arm", "r_arm", "l_leg", "r_leg"
+
+
+class Model(eqx.Module):
+    """The subject's body, prepared for the search."""
+
+    body: Body
+    armless: Body
+    """The body without arms."""
+    limbs: dict[str, Limb]
+    objective: Objective
+    """The search's objective of a pose of the whole body."""
+
+    @property
+    def skeleton(self) -> Skeleton:
+        """Skeleton of the body."""
+        return self.body.skeleton
+
+
+def make_model(body: Body, objective: GivenObjective = volume_objective) -> Model:
+    """Prepare a subject for a search that minimises an objective.
+
+    Raises:
+        ValueError: The objective couples frames.
+    """
+    objective = objective_of(objective, body)
+    if objective.couplings:
+        raise ValueError(
+            f"objective: a search looks at single frames, but {', '.join(objective.couplings)} couples them"
+        )
+    body = single_precision(body)
+    # The arms stay, but with negative radii, so that they touch nothing: one program fits both bodies.
+    arms = limb_capsules("l_arm", "r_arm")
+    balls = np.isin(np.arange(len(BALL_NAMES)), np.setdiff1d(LINKS[arms], LINKS[~arms]))
+    armless = eqx.tree_at(lambda b: b.radii, body, np.where(balls, -9, body.radii))
+    limbs = {name: make_limb(body.skeleton, name) for name in _LIMBS}
+    return Model(body, single_precision(armless), limbs, single_precision(objective.of_body(body)))
