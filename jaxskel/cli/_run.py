@@ -10,10 +10,12 @@ import typer
 
 from ..batch import Method
 from ..io.poses import write_poses
+from ..io.recordings import read_data
 from ..pipeline import HullSettings, Prepared, Settings, advice, paper_settings
 from ..poses import smooth
 from ..search import Tracking
 from ..verdict import doubts_before_work
+from ._objective import ObjectiveFile
 from ._outputs import check_output as check_output
 from ._outputs import check_output_file as check_output_file
 from ._outputs import files_of
@@ -68,13 +70,26 @@ def run(
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Number of processes, each on its own core.")] = 1,
     smooth_hz: Smooth = None,
     anyway: Anyway = False,
+    objective: Annotated[
+        Path | None,
+        typer.Option(help="Python file with objective(body): what search and refinement minimise. It is executed."),
+    ] = None,
+    data: Annotated[
+        Path | None, typer.Option(help="Arrays with a row for each frame (.npz), for the terms of the objective.")
+    ] = None,
 ) -> None:
     """Reconstruct every frame; write poses.npz and poses.csv."""
-    method = Method(make_settings(preset, spacing, max_misses, box, track), smooth_hz, subject)
+    settings = make_settings(preset, spacing, max_misses, box, track)
+    if objective is not None:
+        settings = _with_objective(settings, ObjectiveFile(objective))
+    method = Method(settings, smooth_hz, subject)
     check_number("--smooth", smooth_hz, 1e-3, 1e6, "a cutoff in Hz")
     check_number("--jobs", jobs, 1, MOST_JOBS, "a number of processes")
-    check_output(output, POSES_FILES, [*files_of(source), *([] if subject is None else [subject])])
+    others = [path for path in (subject, objective, data) if path is not None]
+    check_output(output, POSES_FILES, [*files_of(source), *others])
     recording = method.read(source)
+    if data is not None:
+        recording = read_data(data, recording)
     for told in doubts_before_work(source, recording, anyway):
         warn(told)
     settings = method.settings_for_subject()
@@ -101,6 +116,12 @@ def found_subject(prepared: Prepared) -> str:
     if deviation is None:
         return f"unknown subject: stature {stature:.2f} m, average proportions"
     return f"unknown subject: stature {stature:.2f} +- {deviation:.2f} m"
+
+
+def _with_objective(settings: Settings, objective: ObjectiveFile) -> Settings:
+    """The settings with an objective for the search, if there is one, and for the refinement."""
+    search = None if settings.search is None else replace(settings.search, objective=objective)
+    return replace(settings, search=search, refinement=replace(settings.refinement, objective=objective))
 
 
 def make_settings(

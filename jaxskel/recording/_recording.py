@@ -47,7 +47,7 @@ class Recording(eqx.Module):
     turns: Int[np.ndarray, " cams"] | None = None
     """Rotation of each camera's images after its calibration (degrees, clockwise), where known. `cameras` describe the
     images as they are now."""
-    data: dict[str, Float[np.ndarray, "frames ..."]] = eqx.field(default_factory=dict)
+    data: dict[str, Float[np.ndarray, "_ ..."]] = eqx.field(default_factory=dict)
     """What else is known of each frame, by names of your own, see `with_data`."""
 
     def __check_init__(self):
@@ -85,7 +85,7 @@ class Recording(eqx.Module):
             self, silhouettes=self.silhouettes[index], frame_index=self.frame_index[index], truth=truth, data=data
         )
 
-    def with_data(self, **data: Any) -> "Recording":
+    def with_data(self, /, **data: Any) -> "Recording":
         """The same with more data, for terms of your own: numbers with the frames axis first, NaN where missing.
 
         A term finds the row of its frame in ``observed.data``, see [`Observed`][jaxskel.refinement.terms.Observed].

@@ -1,5 +1,7 @@
 """Gradients of a solve: NaN where it has not converged, because they would be wrong there."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 from jax.extend.core import Primitive
@@ -30,7 +32,7 @@ def _value(change: Array, converged: Array) -> Array:
     return jnp.where(converged | (change == 0), change, jnp.full_like(change, jnp.nan))
 
 
-def _transposed(cotangent: Array, change: Array, converged: Array) -> list[Array | None]:
+def _transposed(cotangent: Any, change: Any, converged: Array) -> list[Any]:
     return [cotangent if type(cotangent) is ad.Zero else _trusted.bind(cotangent, converged), None]
 
 

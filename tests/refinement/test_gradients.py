@@ -47,6 +47,20 @@ def problem():
         return number, (objective, observed, doubled(ADULT))
 
 
+def test_a_solve_that_has_not_converged_has_no_gradient():
+    pose = pose_of(3, 0.3)
+    observed, start = ideal_graph(ADULT, pose), pose_of(4, 0.3)
+
+    def away(weight):
+        objective = paper_objective().weighted(rest=weight)
+        found = refine_frame(objective, BONES, NormalEquationsLM(rtol=1e-9, atol=1e-9), ADULT, start, observed, 1, 2)
+        return (found.joints**2).sum(), found.converged
+
+    slope, converged = jax.grad(away, has_aux=True)(2.0)
+    assert not converged
+    assert np.isnan(slope)
+
+
 def test_the_solve_converges_to_rounding(problem):
     number, given = problem
     with jax.enable_x64(True):

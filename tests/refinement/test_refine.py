@@ -168,3 +168,23 @@ def test_a_solver_that_meets_nan_says_so():
 
 def test_solvers_go_to_other_processes():
     assert pickle.loads(pickle.dumps(default_solver())) == default_solver()
+
+
+def test_another_number_of_frames_compiles_nothing_and_changes_nothing():
+    three = refined(stacked(STARTS), OBSERVED)
+    traced = Stick.traces
+    assert traced > 0
+    for chosen in (np.arange(2), np.array([2, 1, 0, 0, 1, 2, 2])):
+        some = jax.tree.map(lambda a, chosen=chosen: np.asarray(a)[chosen], (stacked(STARTS), OBSERVED))
+        found = refined(*some)
+        assert found.joints.shape == (len(chosen), 15, 3)
+        np.testing.assert_allclose(found.joints, np.asarray(three.joints)[chosen], atol=1e-5)
+    assert Stick.traces == traced
+
+
+def test_more_frames_than_fit_one_stack_are_refined_in_stacks():
+    chosen = np.arange(40) % 3
+    some = jax.tree.map(lambda a: np.asarray(a)[chosen], (stacked(STARTS), OBSERVED))
+    found = refined(*some)
+    np.testing.assert_allclose(found.joints, np.asarray(refined(stacked(STARTS), OBSERVED).joints)[chosen], atol=1e-5)
+    assert found.converged.shape == (40,)

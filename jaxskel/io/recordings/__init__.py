@@ -6,6 +6,7 @@ silhouettes, frame rate, up axis), read lazily. A `recording.toml` may name runn
 
 from ._changed_images import missing_sizes as missing_sizes
 from ._changed_images import read_change as read_change
+from ._data import read_data as read_data
 from ._folders import RECORDING_FILE as RECORDING_FILE
 from ._folders import SUBJECT_FILE as SUBJECT_FILE
 from ._folders import described_recording as described_recording

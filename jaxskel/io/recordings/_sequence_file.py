@@ -14,7 +14,8 @@ from ...body import JOINT_NAMES, TIP_NAMES, Skeleton, make_skeleton
 from ...cameras import Cameras, make_cameras
 from ...recording import Recording, Truth
 from ..calibrations import up_axis
-from ..files import StoredRows, fault, numbers, read_arrays, short, switches, texts
+from ..files import StoredRows, fault, keys_of, numbers, read_arrays, short, switches, texts
+from ._data import PREFIX, rows_of
 from ._stored import StoredSilhouettes
 
 # A person with outstretched arms spans less than this (m); ground truth in millimetres spans a thousand times more.
@@ -30,7 +31,8 @@ def read_sequence_file(path: Path, in_memory: int = IN_MEMORY) -> Recording:
     Keys: `silhouettes` (frames, cams, h, w/8) packed bits or (frames, cams, h, w) masks of 0 and 1 or 255;
     `K`, `R`, `t` (world to camera, m), `size` (px), `fps`; optional `up` ("+Z" if missing), `dist`, `fisheye` (whether
     each lens is a cv2.fisheye one), `camera_names`, `frame_index`, the subject's `rest_joints` and `rest_tips` (m), the
-    ground truth `joints` and `tips` (world, m, NaN where unknown). Other keys are ignored.
+    ground truth `joints` and `tips` (world, m, NaN where unknown). Keys that begin with `data_` are data for terms of
+    one's own, with a row for each frame, see `Recording.with_data`. Other keys are ignored.
 
     Args:
         path: The file.
@@ -40,11 +42,12 @@ def read_sequence_file(path: Path, in_memory: int = IN_MEMORY) -> Recording:
         ValueError: One line that names the file, the key and how to mend it.
     """
     stored = StoredRows(path, "silhouettes")
+    own = [key for key in keys_of(path) if key.startswith(PREFIX)]
     arrays = read_arrays(
         path,
         required=("K", "R", "t", "size", "fps"),
         optional=("up", "dist", "fisheye", "camera_names", "frame_index", "rest_joints", "rest_tips", "joints", "tips",
-                  "joint_names", "tip_names"),
+                  "joint_names", "tip_names", *own),
     )  # fmt: skip
     check_names(path, arrays, "joint_names", JOINT_NAMES)
     check_names(path, arrays, "tip_names", TIP_NAMES)
@@ -60,7 +63,7 @@ def read_sequence_file(path: Path, in_memory: int = IN_MEMORY) -> Recording:
         skeleton=_skeleton(path, arrays),
         truth=truth(path, arrays, frames),
         name=path.stem,
-    )
+    ).with_data(**{key.removeprefix(PREFIX): rows_of(path, arrays, key, frames) for key in own})
 
 
 def write_recording(path: str | Path, recording: Recording, made_by: str | None = None) -> None:
@@ -85,6 +88,7 @@ def write_recording(path: str | Path, recording: Recording, made_by: str | None 
         arrays |= {"rest_joints": skeleton.rest_joints, "rest_tips": skeleton.rest_tips}
     if truth is not None:
         arrays |= {"joints": truth.joints} | ({} if truth.tips is None else {"tips": truth.tips})
+    arrays |= {PREFIX + name: array for name, array in recording.data.items()}
     if made_by is not None:
         arrays["made_by"] = made_by
     with written_whole(Path(path)) as file:

@@ -44,7 +44,7 @@ class Observed(eqx.Module):
     data: dict[str, Float[Array | np.ndarray, "..."]] = eqx.field(default_factory=dict)
     """What else is known of each frame, by names of your own, see `with_data`."""
 
-    def with_data(self, **data: Any) -> "Observed":
+    def with_data(self, /, **data: Any) -> "Observed":
         """The same with more data, for terms of your own: arrays with the frames axis first, NaN where missing."""
         found = {name: jnp.asarray(array, jnp.float32) for name, array in data.items()}
         frames = self.neck.shape[:-1]

@@ -1,0 +1,59 @@
+"""Data of one's own for a recording: numbers with a row for each frame, for terms of the objective."""
+
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ...recording import Recording
+from ..files import fault, keys_of, numbers, read_arrays
+
+PREFIX = "data_"
+"""Of keys in a sequence file that hold such data."""
+_INDEX = "frame_index"
+
+
+def read_data(path: str | Path, recording: Recording) -> Recording:
+    """A recording with the data of a file: an `.npz` archive of arrays with a row for each frame, NaN where missing.
+
+    With an array ``frame_index``, each row belongs to the frame of that number; frames without a row get NaN. Without
+    it, there must be a row for each frame.
+
+    Args:
+        path: The file. Its keys are the names that terms find the data by, in ``observed.data``.
+        recording: The recording.
+
+    Raises:
+        ValueError: One line that names the file and the key.
+    """
+    path = Path(path)
+    arrays = read_arrays(path, required=(), optional=tuple(keys_of(path)))
+    index = recording.frame_index
+    if _INDEX in arrays:
+        index = numbers(path, arrays, _INDEX, (None,)).astype(np.int64)
+        if len(np.unique(index)) != len(index):
+            raise fault(path, _INDEX, "holds a number twice; give one row for each frame")
+    names = [name for name in arrays if name != _INDEX]
+    if not names:
+        raise fault(path, None, "has no arrays; give arrays of numbers with one row for each frame")
+    rows = {name: rows_of(path, arrays, name, len(index)) for name in names}
+    return recording.with_data(**{name: _by_frame(array, index, recording) for name, array in rows.items()})
+
+
+def rows_of(path: Path, arrays: dict[str, np.ndarray], key: str, frames: int) -> Float[np.ndarray, "frames ..."]:
+    """Check an array of such data."""
+    array = numbers(path, arrays, key, None, nan=True)
+    if array.shape[:1] != (frames,):
+        raise fault(path, key, f"has shape {array.shape}; give one row for each of the {frames} frames")
+    return array
+
+
+def _by_frame(
+    array: Float[np.ndarray, "rows ..."], index: Int[np.ndarray, " rows"], recording: Recording
+) -> Float[np.ndarray, "frames ..."]:
+    row = {number: place for place, number in enumerate(index.tolist())}
+    found = np.full((len(recording), *array.shape[1:]), np.nan)
+    for frame, number in enumerate(recording.frame_index.tolist()):
+        if number in row:
+            found[frame] = array[row[number]]
+    return found

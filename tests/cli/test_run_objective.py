@@ -1,0 +1,89 @@
+"""`jaxskel run --objective FILE --data FILE`: an objective and data of one's own."""
+
+import numpy as np
+import pytest
+from support.command_line import jaxskel
+
+from jaxskel import Recording
+from jaxskel.io import read_poses, write_recording
+from jaxskel.synthetic import camera_ring, make_scene
+
+MINE = """
+import jax.numpy as jnp
+from jaxskel.refinement.terms import from_function, paper_objective
+
+
+def to_marker(body, observed):
+    marker = observed.data["marker"]
+    return jnp.where(jnp.isnan(marker), 0.0, body.joints[2] - marker)
+
+
+def objective(body):
+    return paper_objective().plus(marker=from_function(to_marker, weight=1e5))
+"""
+
+
+@pytest.fixture(scope="module")
+def scene() -> Recording:
+    return make_scene(4, cameras=camera_ring(6, size=(240, 180)))
+
+
+@pytest.fixture
+def folder(tmp_path, scene):
+    """A scene, an objective with a marker, and its data for the frames 3 and 1."""
+    write_recording(tmp_path / "scene.npz", scene)
+    (tmp_path / "mine.py").write_text(MINE)
+    heads = scene.truth.joints[:, 2] + [0.0, 0.0, 0.15]
+    np.savez(tmp_path / "extra.npz", marker=heads[[3, 1]], frame_index=np.array([3, 1]))
+    return tmp_path
+
+
+@pytest.mark.slow
+def test_an_objective_reads_the_data_of_its_frames(folder, scene):
+    options = "--preset", "paper", "--objective", "mine.py", "--data", "extra.npz"
+    done = jaxskel("run", "scene.npz", "-o", "out", *options, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    up = read_poses(folder / "out" / "poses.npz").joints[:, 2, 2] - scene.truth.joints[:, 2, 2]
+    assert (up[[1, 3]] > 0.12).all()
+    assert (up[[0, 2]] < 0.08).all()
+
+
+FAULTS = {
+    "no file": ({}, ("--objective", "none.py"), "none.py: is no Python file"),
+    "no objective": ({"a.py": "x = 1"}, ("--objective", "a.py"), "a.py: defines no objective; write a function"),
+    "no Python": ({"a.py": "1 +"}, ("--objective", "a.py"), "a.py: SyntaxError"),
+    "it fails": ({"a.py": "1 / 0"}, ("--objective", "a.py"), "a.py: ZeroDivisionError: division by zero"),
+    "another thing": (
+        {"a.py": "def objective(body):\n    return 3"}, ("--objective", "a.py"), "a.py: objective: is a int; give an Objective",
+    ),
+    "no data": ({}, ("--data", "none.npz"), "none.npz: cannot be opened"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_told_in_one_line_before_any_work(folder, fault):
+    files, options, told = FAULTS[fault]
+    for name, text in files.items():
+        (folder / name).write_text(text)
+    done = jaxskel("run", "scene.npz", "-o", "out", "--preset", "paper", *options, cwd=folder)
+    assert done.returncode == 2
+    assert told in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not (folder / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("arrays", "told"),
+    [
+        ({"marker": np.zeros((3, 3))}, "key 'marker': has shape (3, 3); give one row for each of the 4 frames"),
+        ({"marker": np.array(["a"] * 4)}, "key 'marker': holds <U1; give numbers"),
+        ({"marker": np.zeros((2, 3)), "frame_index": np.array([1, 1])}, "key 'frame_index': holds a number twice"),
+        ({"frame_index": np.arange(4)}, "has no arrays; give arrays of numbers with one row for each frame"),
+        ({"marker": np.full((4, 3), np.inf)}, "key 'marker': holds inf at index (0, 0)"),
+    ],
+)
+def test_data_of_a_wrong_kind_are_refused(folder, arrays, told):
+    np.savez(folder / "wrong.npz", **arrays)
+    done = jaxskel("run", "scene.npz", "-o", "out", "--preset", "paper", "--data", "wrong.npz", cwd=folder)
+    assert done.returncode == 2
+    assert told in done.stderr
