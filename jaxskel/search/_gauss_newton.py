@@ -48,7 +48,8 @@ def descend(
 
 def _by_body(terms: list[CapsuleTerm]) -> list[list[CapsuleTerm]]:
     """Group terms by body: quadrics of the same capsules are added before they are multiplied by the Jacobian."""
-    groups: dict[int, list[CapsuleTerm]] = {}
+    groups: dict[tuple[int, ...], list[CapsuleTerm]] = {}
     for term in terms:
-        groups.setdefault(id(term.body), []).append(term)
+        # A body that passes through `jax.tree.map` is another object, but has the same arrays.
+        groups.setdefault(tuple(map(id, jax.tree.leaves(term.body))), []).append(term)
     return list(groups.values())

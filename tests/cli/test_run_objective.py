@@ -54,7 +54,7 @@ FAULTS = {
     "no Python": ({"a.py": "1 +"}, ("--objective", "a.py"), "a.py: SyntaxError"),
     "it fails": ({"a.py": "1 / 0"}, ("--objective", "a.py"), "a.py: ZeroDivisionError: division by zero"),
     "another thing": (
-        {"a.py": "def objective(body):\n    return 3"}, ("--objective", "a.py"), "a.py: objective: is a int; give an Objective",
+        {"a.py": "def objective(body):\n    return 3"}, ("--objective", "a.py"), "a.py: objective: is a int; give",
     ),
     "no data": ({}, ("--data", "none.npz"), "none.npz: cannot be opened"),
 }  # fmt: skip

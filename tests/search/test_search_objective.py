@@ -1,5 +1,7 @@
 """The search minimises the objective it is given: its terms score limbs, fit hypotheses and choose between them."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,6 +12,7 @@ from jaxskel._runtime.batching import on_device
 from jaxskel.body import JOINT_NAMES
 from jaxskel.refinement.terms import (
     AbstractTerm,
+    CapsuleTerm,
     HingeLimits,
     Objective,
     RestPrior,
@@ -19,6 +22,7 @@ from jaxskel.refinement.terms import (
     volume_objective,
 )
 from jaxskel.search import Search, costs_by_term, make_model, solve_frames
+from jaxskel.search._gauss_newton import _by_body
 from jaxskel.search._limb_search import scores_limbs
 from jaxskel.synthetic import demo_motion
 
@@ -48,15 +52,20 @@ def to_marker(body, observed):
     return jnp.where(jnp.isnan(marker), 0.0, body.joints[L_HAND] - marker)
 
 
+def same_arrays(one, other) -> bool:
+    """Whether two trees hold the very same arrays, so that they are one argument of what is compiled."""
+    return all(a is b for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True))
+
+
 # What terms say of themselves
 
 
 def test_a_term_is_given_another_subject_wherever_it_holds_one():
     objective = volume_objective(BODY).of_body(STOUT)
     for name in ("contours", "inside", "collision"):
-        assert objective.terms[name].body is STOUT
+        assert same_arrays(objective.terms[name].body, STOUT)
     for name in ("hinges", "shoulders"):
-        assert objective.terms[name].skeleton is STOUT.skeleton
+        assert same_arrays(objective.terms[name].skeleton, STOUT.skeleton)
     assert objective.terms["rest"].weight == volume_objective(BODY).terms["rest"].weight
 
 
@@ -64,7 +73,7 @@ def test_only_terms_with_a_robust_scale_have_another_one():
     objective = volume_objective(BODY)
     wide = objective.at_scale(jnp.float32(0.5))
     assert wide.terms["contours"].scale == 0.5
-    assert all(wide.terms[name] is term for name, term in objective.terms.items() if name != "contours")
+    assert all(same_arrays(wide.terms[name], term) for name, term in objective.terms.items() if name != "contours")
 
 
 @pytest.mark.parametrize(
@@ -85,8 +94,6 @@ def test_a_search_looks_at_single_frames():
     coupled = volume_objective(BODY).plus(smooth=Smoothness(fps=30.0, weight=1.0))
     with pytest.raises(ValueError, match="a search looks at single frames, but smooth couples them"):
         make_model(BODY, coupled)
-    with pytest.raises(ValueError, match="objective: is the text 'paper'"):
-        Search(objective="paper")
 
 
 # Winners
@@ -98,7 +105,7 @@ def filmed() -> Filmed:
     filmed = film_body(some(demo_motion(ADULT), FRAMES), 5.0)
     marker = filmed.joints[:, L_HAND] + 0.3 * np.array([0.0, 0.0, 1.0])
     marker[1] = np.nan
-    return filmed._replace(observed=filmed.observed.with_data(marker=marker))
+    return replace(filmed, observed=filmed.observed.with_data(marker=marker))
 
 
 def winners(filmed: Filmed, objective) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -176,3 +183,10 @@ def test_a_floor_reaches_the_tables_of_limbs_and_its_numbers_compile_nothing(fil
     raised = lowest(ground)
     assert len(traced) == before
     assert raised > free + 0.15
+
+
+def test_terms_of_one_body_are_one_group_of_the_normal_equations():
+    terms = [term for term in volume_objective(BODY).of_body(STOUT).terms.values() if isinstance(term, CapsuleTerm)]
+    assert len(terms) == 2
+    assert len(_by_body(terms)) == 1
+    assert len(_by_body([*terms, volume_objective(BODY).terms["inside"]])) == 2
