@@ -5,7 +5,7 @@ from jaxtyping import Float
 
 
 def to_zxy(
-    rotations: Float[np.ndarray, "frames joints 3 3"], *, home: float = 0.0
+    rotations: Float[np.ndarray, "frames joints 3 3"], *, home: float = 0.0, most: float = np.inf
 ) -> Float[np.ndarray, "frames joints 3"]:
     """Angles (rad) about z, x and y, the first outermost, that continue those of the previous frame.
 
@@ -18,6 +18,7 @@ def to_zxy(
         home: How many times as much as the way from the previous frame it counts how far the second and the third angle
             are from zero. At 0, a joint that once passed where z and y fall together (gimbal lock) may keep large
             angles for ever; with 2, it comes back to small ones within a frame or two.
+        most: Angles beyond (rad) lose their full turns: no limb turns so far, but noise at a gimbal lock adds up.
     """
     z = np.arctan2(-rotations[..., 0, 1], rotations[..., 1, 1])
     cosine, sine = np.cos(z), np.sin(z)
@@ -32,6 +33,7 @@ def to_zxy(
     last = np.zeros(angles.shape[1:])
     for frame, pair in enumerate(pairs):
         near = pair - _full_turns(pair - last)
+        near = np.where(np.abs(near) > most, near - _full_turns(near), near)
         cost = np.abs(near - last).sum(-1) + away[frame]
         last = np.where((cost[1] < cost[0])[:, None], near[1], near[0])
         angles[frame] = last

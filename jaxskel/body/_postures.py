@@ -36,7 +36,7 @@ def t_posture(skeleton: Skeleton) -> Float[np.ndarray, "segments=17 3 3"]:
 def _posture(skeleton: Skeleton, arms: dict[str, Float[np.ndarray, "3"]]) -> Float[np.ndarray, "segments=17 3 3"]:
     """Legs down, feet ahead, and arms where they are told to point to."""
     points = np.concatenate([skeleton.rest_joints, skeleton.rest_tips, skeleton.pivots]).astype(np.float64)
-    at = dict(zip(JOINT_NAMES + TIP_NAMES + PIVOT_NAMES, points, strict=True))
+    at: dict[str, Float[np.ndarray, 3]] = dict(zip(JOINT_NAMES + TIP_NAMES + PIVOT_NAMES, points, strict=True))
     turns = {name: np.eye(3) for name in SEGMENT_NAMES}
     for side, out in arms.items():
         arm, leg = (

@@ -27,8 +27,9 @@ _LEFT = _RIGHT @ np.diag([1.0, -1.0, 1.0])  # mirrored
 _HAND = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 # Rotation about the vertical is the first of the pelvis' angles, and tilt the last one: the axes Z and Y change places.
 _PELVIS = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
-# How strongly arms come back to small angles after a gimbal lock: see `to_zxy`.
-_HOME = 2.0
+# How strongly arms come back to small angles after a gimbal lock, and how far (rad) a segment turns against its
+# neighbour at most: see `to_zxy`.
+_HOME, _MOST = 2.0, 1.5 * np.pi
 
 _TRUNK = (
     ("pelvis", "chest", ("lumbar_extension", "lumbar_bending", "lumbar_rotation")),
@@ -86,7 +87,8 @@ def joint_angles(poses: Poses) -> JointAngles:
     world turned so that z is up, and tilt and list do not depend on it. All other angles are those between two
     segments, so they do not depend on the world; arms are told relative to the chest.
 
-    Angles are continuous over time, also across frames without a pose, and may exceed half a turn. Where a joint's
+    Angles are continuous over time, also across frames without a pose, and may exceed half a turn; those of the pelvis
+    count whole turns. Where a joint's
     second angle is a right angle (an arm straight to the side), its first and third cannot be told apart (gimbal lock).
 
     Raises:
@@ -108,6 +110,6 @@ def _angles(rotations: Float[np.ndarray, "frames segments=17 3 3"]) -> Float[np.
     axes = _PELVIS @ _RIGHT
     vertical, sideways, tilt = np.moveaxis(to_zxy(axes @ rotations[:, :1] @ axes.T, home=_HOME)[:, 0], -1, 0)
     between = rotations[:, _PARENTS].swapaxes(-1, -2) @ rotations[:, _CHILDREN]
-    others = to_zxy(_AXES @ between @ _AXES.swapaxes(-1, -2), home=_HOME)
+    others = to_zxy(_AXES @ between @ _AXES.swapaxes(-1, -2), home=_HOME, most=_MOST)
     pelvis = np.stack([tilt, -sideways, vertical], -1)
     return _SIGNS * np.concatenate([pelvis, others.reshape(len(others), -1)], 1)

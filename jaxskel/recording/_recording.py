@@ -4,6 +4,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
+from .._math.up_axes import rotation_to_z_up
 from .._runtime.kinds import told
 from ..body import Skeleton
 from ..cameras import Cameras
