@@ -24,6 +24,8 @@ from ._capsules import toward_capsule as toward_capsule
 from ._population import Population as Population
 from ._population import adults as adults
 from ._population import children as children
+from ._postures import neutral_posture as neutral_posture
+from ._postures import t_posture as t_posture
 from ._shape import FLESH_FROM as FLESH_FROM
 from ._shape import LENGTH_NAMES as LENGTH_NAMES
 from ._shape import QUANTITIES as QUANTITIES

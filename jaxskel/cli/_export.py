@@ -8,9 +8,11 @@ import typer
 from ..io.poses import (
     read_poses,
     with_up,
+    write_angles,
     write_archive,
     write_bvh,
     write_c3d,
+    write_mot,
     write_table,
     write_trc,
     write_trc_deviations,
@@ -24,6 +26,7 @@ from ._say import say
 # Programs that open each kind of file, for error messages.
 _KINDS = {
     ".trc": "OpenSim, Pose2Sim",
+    ".mot": "OpenSim",
     ".c3d": "motion capture laboratories",
     ".bvh": "Blender and other animation programs",
     ".csv": "spreadsheets",
@@ -31,6 +34,8 @@ _KINDS = {
 }
 # Names with this end are written with the standard deviations of the coordinates.
 _DEVIATIONS = ".sigma.trc"
+# Names with this end are tables of joint angles.
+_ANGLES = "angles.csv"
 
 
 def export(
@@ -40,20 +45,23 @@ def export(
     outputs: Annotated[
         list[Path],
         typer.Argument(
-            metavar="OUTPUT...", help="Files to write; the suffix decides: .trc, .sigma.trc, .c3d, .bvh, .csv or .npz."
+            metavar="OUTPUT...",
+            help="Files to write; the end of the name decides: .trc, .sigma.trc, .mot, .c3d, .bvh, .csv, angles.csv or "
+            ".npz.",
         ),
     ],
     up: Annotated[
         str | None,
         typer.Option(
-            help="World axis that points up. Default: +Y in .trc and .bvh, +Z in .c3d, else that of the poses."
+            help="World axis that points up. Default: +Y in .trc and .bvh, +Z in .c3d, else that of the poses. A .mot "
+            "has +Y always."
         ),
     ] = None,
     millimetres: Annotated[
         bool, typer.Option("--millimetres", help="Millimetres instead of metres in a .trc, which names its unit.")
     ] = False,
 ) -> None:
-    """Write poses as TRC, C3D, BVH, CSV or NPZ, for other programs to open."""
+    """Write poses as TRC, MOT, C3D, BVH, CSV or NPZ, for other programs to open."""
     for output in outputs:
         if output.suffix.lower() not in _KINDS:
             known = ", ".join(f"{suffix} ({opens})" for suffix, opens in _KINDS.items())
@@ -62,13 +70,15 @@ def export(
         raise ValueError(f"--up {up}: give one of {', '.join(UP_AXES)}")
     if millimetres and all(output.suffix.lower() != ".trc" for output in outputs):
         raise ValueError("--millimetres: only a .trc may hold metres or millimetres; leave it out")
+    if up not in (None, "+Y") and any(output.suffix.lower() == ".mot" for output in outputs):
+        raise ValueError(f"--up {up}: OpenSim's motions have +Y up; write the .mot by itself, without --up")
     for output in outputs:
         check_output_file(output, [poses])
     found = read_poses(poses)
-    animations = [output for output in outputs if output.suffix.lower() == ".bvh"]
-    if animations and not found.has_pose.any():
-        raise ValueError(f"{animations[0]}: no frame has a pose: there is nothing to animate")
-    if animations and found.rotations is None:
+    motions = [output for output in outputs if output.suffix.lower() in (".bvh", ".mot")]
+    if motions and not found.has_pose.any():
+        raise ValueError(f"{motions[0]}: no frame has a pose: there is no motion to write")
+    if (motions or any(map(_is_angles, outputs))) and found.rotations is None:
         raise ValueError(f"{poses}: holds no rotations, because an older version wrote it; reconstruct again")
     deviations = [output for output in outputs if output.name.lower().endswith(_DEVIATIONS)]
     if deviations and found.covariance is None:
@@ -76,6 +86,10 @@ def export(
     for output in outputs:
         say(f"{output}: {len(found)} frames at {found.fps:g} fps, {_write(output, found, up, millimetres)}")
     end_without_pose(poses, found)
+
+
+def _is_angles(output: Path) -> bool:
+    return output.name.lower().endswith(_ANGLES)
 
 
 def _write(output: Path, poses: Poses, up: str | None, millimetres: bool) -> str:
@@ -88,6 +102,12 @@ def _write(output: Path, poses: Poses, up: str | None, millimetres: bool) -> str
         (write_trc_deviations if deviations else write_trc)(output, poses, up=up, millimetres=millimetres)
         what = "standard deviations, " if deviations else ""
         return f"{what}{'mm' if millimetres else 'm'}, {up} up; {gaps} without a pose: empty cells"
+    if kind == ".mot":
+        write_mot(output, poses)
+        return f"degrees and m, +Y up; {gaps} without a pose: left out"
+    if _is_angles(output):
+        write_angles(output, poses)
+        return f"joint angles in degrees; {gaps} without a pose: empty cells"
     if kind == ".c3d":
         up = up or "+Z"
         try:

@@ -30,8 +30,10 @@ from .poses import parse_trc as parse_trc
 from .poses import read_poses as read_poses
 from .poses import read_trc as read_trc
 from .poses import read_truth as read_truth
+from .poses import write_angles as write_angles
 from .poses import write_bvh as write_bvh
 from .poses import write_c3d as write_c3d
+from .poses import write_mot as write_mot
 from .poses import write_poses as write_poses
 from .poses import write_table as write_table
 from .poses import write_trc as write_trc

@@ -1,9 +1,12 @@
-"""The result: poses of all frames with a status and a confidence; filters and scores.
+"""The result: poses of all frames with a status and a confidence; filters, joint angles and scores.
 
-In: joints (m). Out: `Poses`, smoothed poses, and errors against a ground truth (`metrics`).
+In: joints (m). Out: `Poses`, smoothed poses, joint angles, and errors against a ground truth (`metrics`).
 """
 
 from . import metrics as metrics
+from ._joint_angles import ANGLE_NAMES as ANGLE_NAMES
+from ._joint_angles import JointAngles as JointAngles
+from ._joint_angles import joint_angles as joint_angles
 from ._poses import STATUS_NAMES as STATUS_NAMES
 from ._poses import WITH_POSE as WITH_POSE
 from ._poses import Poses as Poses

@@ -2,13 +2,19 @@
 
 from collections.abc import Iterable
 from enum import IntEnum
+from typing import TYPE_CHECKING
 
 import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from .._runtime.kinds import check_kind
-from ..body import SEGMENT_PARENTS, Pose, Skeleton
+from ..body import JOINT_NAMES, SEGMENT_PARENTS, TIP_NAMES, Pose, Skeleton
+from ._dataset import poses_dataset
+from ._quaternions import to_quaternions
+
+if TYPE_CHECKING:
+    import xarray
 
 
 class Status(IntEnum):
@@ -94,6 +100,24 @@ class Poses(eqx.Module):
         parents = rotations[:, list(SEGMENT_PARENTS[1:])].swapaxes(-1, -2)
         return np.concatenate([rotations[:, :1], parents @ rotations[:, 1:]], axis=1)
 
+    @property
+    def quaternions(self) -> Float[np.ndarray, "frames segments=17 4"]:
+        """`rotations` as unit quaternions, w first, whose signs do not flip over the film; NaN without a pose.
+
+        Raises:
+            ValueError: The rotations are not known.
+        """
+        return to_quaternions(self._known_rotations())
+
+    @property
+    def local_quaternions(self) -> Float[np.ndarray, "frames segments=17 4"]:
+        """`local_rotations` as unit quaternions, w first, whose signs do not flip over the film; NaN without a pose.
+
+        Raises:
+            ValueError: The rotations are not known.
+        """
+        return to_quaternions(self.local_rotations)
+
     def _known_rotations(self) -> Float[np.ndarray, "frames segments=17 3 3"]:
         if self.rotations is None:
             raise ValueError("the poses hold no rotations, because an older version wrote them; reconstruct again")
@@ -112,6 +136,21 @@ class Poses(eqx.Module):
     def counts(self) -> dict[str, int]:
         """Number of frames of each status that occurs, by name."""
         return {name: int((self.status == i).sum()) for i, name in enumerate(STATUS_NAMES) if (self.status == i).any()}
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Joints and tips as a dataset in the layout of the package `movement`.
+
+        Dimensions are time (s, from the first frame), space (x, y, z of the world, m), keypoints (`JOINT_NAMES`, then
+        `TIP_NAMES`) and individuals (one, ``person``). Tips have no confidence of their own: NaN.
+
+        Raises:
+            ImportError: xarray is not installed.
+        """
+        return poses_dataset(
+            JOINT_NAMES + TIP_NAMES, np.concatenate([self.joints, self.tips], 1),
+            np.concatenate([self.confidence, np.full(self.tips.shape[:2], np.nan, self.confidence.dtype)], 1),
+            self.frame_index, [STATUS_NAMES[status] for status in self.status], self.fps, self.up,
+        )  # fmt: skip
 
 
 def join_poses(parts: Iterable[Poses]) -> Poses:

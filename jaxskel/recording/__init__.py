@@ -4,13 +4,13 @@ In: packed silhouettes, cameras, frames per second. Out: a `Recording` that can 
 empty views, and its up axis.
 """
 
+from .._math.up_axes import UP_AXES as UP_AXES
+from .._math.up_axes import rotation_to_z_up as rotation_to_z_up
 from ._frame_rows import recording_rows as recording_rows
 from ._frame_rows import rows_by_index as rows_by_index
-from ._recording import UP_AXES as UP_AXES
 from ._recording import Recording as Recording
 from ._recording import Truth as Truth
 from ._recording import pack_silhouettes as pack_silhouettes
-from ._recording import rotation_to_z_up as rotation_to_z_up
 from ._recording import unpack_silhouettes as unpack_silhouettes
 from ._silhouettes import AbstractSilhouettes as AbstractSilhouettes
 from ._silhouettes import Silhouettes as Silhouettes

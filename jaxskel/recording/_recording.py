@@ -7,12 +7,11 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
+from .._math.up_axes import rotation_to_z_up
 from .._runtime.kinds import told
 from ..body import Skeleton
 from ..cameras import Cameras
 from ._silhouettes import Silhouettes
-
-UP_AXES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
 
 
 class Truth(eqx.Module):
@@ -120,14 +119,3 @@ def unpack_silhouettes(packed: UInt8[np.ndarray, "*batch h w8"], width: int) -> 
             f"packed: {packed.shape[-1]} of {packed.dtype} in a row do not hold {width} pixels; give its width"
         )
     return np.unpackbits(packed, axis=-1, count=width).view(bool)
-
-
-def rotation_to_z_up(up: str) -> Float[np.ndarray, "3 3"]:
-    """Rotation from a world whose up axis is `up` to one with z up.
-
-    A cyclic permutation of the axes, with two signs flipped for a negative axis: exact in floating point.
-    """
-    if up not in UP_AXES:
-        raise ValueError(f"up axis {up!r}: give one of {', '.join(UP_AXES)}")
-    rotation = np.roll(np.eye(3), "ZXY".index(up[1]), axis=1)
-    return rotation if up[0] == "+" else np.diag([1.0, -1.0, -1.0]) @ rotation

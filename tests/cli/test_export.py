@@ -12,7 +12,8 @@ from support.poses import moving, points
 
 from jaxskel.body import JOINT_NAMES
 from jaxskel.io.mocap import read_bvh
-from jaxskel.io.poses import read_trc, write_poses
+from jaxskel.io.poses import BVH_NAMES, read_trc, write_poses
+from jaxskel.poses import ANGLE_NAMES, joint_angles
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +40,23 @@ def test_every_kind_is_written_and_said(folder):
     assert (folder / "a.C3D").stat().st_size > 1000
 
 
+def test_joint_angles_for_spreadsheets_and_opensim(folder):
+    done = jaxskel("export", "poses.npz", "b.mot", "b.angles.csv", "angles.csv", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    mot, table, other = done.stdout.strip().splitlines()
+    assert mot == "b.mot: 10 frames at 29.97 fps, degrees and m, +Y up; 2 without a pose: left out"
+    assert table == "b.angles.csv: 10 frames at 29.97 fps, joint angles in degrees; 2 without a pose: empty cells"
+    assert (folder / "angles.csv").read_bytes() == (folder / "b.angles.csv").read_bytes()
+    angles = np.rad2deg(joint_angles(moving(10, 29.97, without=(0, 4))).values)
+    with open(folder / "angles.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert {rows[4][f"{name}_deg"] for name in ANGLE_NAMES} == {""}
+    found = [[float(row[f"{name}_deg"]) for name in ANGLE_NAMES] for row in (*rows[1:4], *rows[5:])]
+    np.testing.assert_allclose(found, np.delete(angles, [0, 4], 0), atol=1e-4)
+    assert rows[9]["frame_index"] == "9"
+    assert float(rows[9]["time_s"]) == pytest.approx(9 / 29.97, abs=1e-6)
+
+
 def test_standard_deviations_are_a_file_beside_the_positions(folder):
     write_poses(folder / "unsure", replace(moving(2), covariance=None))
     done = jaxskel("export", "unsure/poses.npz", "a.sigma.trc", cwd=folder)
@@ -63,7 +81,9 @@ def test_unit_and_up_axis_are_chosen(folder):
     assert "\tmm\t" in (folder / "b.trc").read_text()
     expected = points(moving(10, 29.97, without=(0, 4)), "+Z")
     np.testing.assert_allclose(read_trc(folder / "b.trc").positions, expected, atol=1e-6)
-    assert read_bvh(folder / "b.bvh").positions[1, 0, 2] == pytest.approx(expected[1, 0, 2], abs=1e-5)
+    played = read_bvh(folder / "b.bvh")
+    pelvis = played.names.index(BVH_NAMES["pelvis"])
+    assert played.positions[1, pelvis, 2] == pytest.approx(expected[1, 0, 2], abs=1e-5)
     done = jaxskel("export", "poses.npz", "c.csv", "--up", "+Y", cwd=folder)
     assert "c.csv: 10 frames at 29.97 fps, m, +Y up" in done.stdout
     with open(folder / "c.csv", newline="") as file:
@@ -80,6 +100,9 @@ def test_unit_and_up_axis_are_chosen(folder):
         (("poses.npz", "d.bvh", "--millimetres"), "--millimetres: only a .trc"),
         (("poses.csv", "d.trc"), "poses.csv: is not a whole .npz archive"),
         (("nobody/poses.npz", "d.bvh"), "d.bvh: no frame has a pose"),
+        (("nobody/poses.npz", "d.mot"), "d.mot: no frame has a pose"),
+        (("older/poses.npz", "d.angles.csv"), "older/poses.npz: holds no rotations"),
+        (("poses.npz", "d.mot", "--up", "+Z"), "--up +Z: OpenSim's motions have +Y up"),
         (
             ("older/poses.npz", "d.trc", "d.bvh"),
             "older/poses.npz: holds no rotations, because an older version wrote it",

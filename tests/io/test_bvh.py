@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 from support.poses import POINT_NAMES, moving, placed, points, posed
 
 from jaxskel import JOINT_NAMES, Pose, Poses, default_adult, make_skeleton
+from jaxskel._math.euler import to_zxy
 from jaxskel.body import SEGMENT_NAMES, hinge_axes, place_joints
 from jaxskel.io.mocap import read_bvh
 from jaxskel.io.poses import BVH_NAMES, with_up, write_bvh
-from jaxskel.io.poses._euler import to_zxy
 from jaxskel.io.poses._markers import to_markers
 from jaxskel.io.poses._rig import RIG, Rig, rig_of
 from jaxskel.io.poses._rig import placed as rig_placed

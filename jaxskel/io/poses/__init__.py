@@ -1,6 +1,6 @@
 """Poses on disk, for this package and for other tools.
 
-In: `Poses`. Out: npz, CSV, TRC, C3D and BVH files. Readers exist for npz, TRC and ground truth. A journal
+In: `Poses`. Out: npz, CSV, TRC, MOT, C3D and BVH files. Readers exist for npz, TRC and ground truth. A journal
 holds poses while they are still being made.
 """
 
@@ -12,6 +12,8 @@ from ._journal import JOURNAL_FILE as JOURNAL_FILE
 from ._journal import PosesJournal as PosesJournal
 from ._markers import Markers as Markers
 from ._markers import with_up as with_up
+from ._mot import write_angles as write_angles
+from ._mot import write_mot as write_mot
 from ._poses_file import read_poses as read_poses
 from ._poses_file import read_truth as read_truth
 from ._poses_file import write_archive as write_archive

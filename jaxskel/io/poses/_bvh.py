@@ -6,16 +6,21 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from ..._math.euler import to_zxy
 from ..._runtime.atomic_files import written_whole
 from ...body import JOINT_NAMES, TIP_NAMES, Pose
 from ...poses import Poses
-from ._euler import to_zxy
 from ._markers import turn_up, with_up
 from ._rig import ENDS, RIG, Rig, placed, rig_of
 
+# How far (m) the root of the file is below the pelvis. With the root at the pelvis, the middle of its children would be
+# the root itself, and Blender ends a bone in the middle of its children: the bone would have no length. Programs that
+# scale a path by the height of the root are off by a fiftieth.
+_ROOT_BELOW = 0.02
+
 # If several joints share a point, take the first: no joint before it rotates by itself.
-BVH_NAMES = {point: name for name, _, point, _ in reversed(RIG) if point in JOINT_NAMES}
-"""Name in a BVH of each joint of poses. The tips are the end sites."""
+BVH_NAMES = {point: name for name, parent, point, _ in reversed(RIG) if parent and point in JOINT_NAMES}
+"""Name in a BVH of each joint of poses. The tips are the end sites; the root, Hips, is 2 cm below the pelvis."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +43,7 @@ def write_bvh(path: str | Path, poses: Poses, *, up: str = "+Y", scale: float = 
     Bones have the lengths of the template, `poses.skeleton`, and the joints the rotations of the poses. The bones of
     poses from elbow to palm and from knee to ball of the foot are two here, with wrist and ankle in between. At rest
     the person stands in a T-pose and faces +Z if +Y is up. Joints have the usual names of animation programs: see
-    `BVH_NAMES`.
+    `BVH_NAMES`. The root, Hips, turns with the pelvis and is 2 cm below it, so that no bone has length zero.
 
     The format has no gaps. A frame without a pose repeats the previous pose; frames before the first pose show that
     one.
@@ -69,12 +74,20 @@ def write_bvh(path: str | Path, poses: Poses, *, up: str = "+Y", scale: float = 
     rig = rig_of(poses.skeleton, Pose(joints[:, 0], standing.pose.rotations[known]))
     # Number of poses up to each frame; frames before the first pose show the first one.
     shown = np.maximum(np.cumsum(known) - 1, 0)
-    rows = _channels(rig, turn, scale)[shown]
-    lines = [*_hierarchy(rig, turn, scale), "MOTION", f"Frames: {len(rows)}", f"Frame Time: {1 / poses.fps:.10f}"]
+    written = _with_lower_root(rig)
+    rows = _channels(written, turn, scale)[shown]
+    lines = [*_hierarchy(written, turn, scale), "MOTION", f"Frames: {len(rows)}", f"Frame Time: {1 / poses.fps:.10f}"]
     lines += [" ".join(f"{value:.6f}" for value in row) for row in rows]
     with written_whole(path) as file:
         file.write("\n".join([*lines, ""]).encode())
     return Animation(path, int((~known).sum()), *_deviation(rig, joints, tips))
+
+
+def _with_lower_root(rig: Rig) -> Rig:
+    """The same joints, but for the first one, which goes down the trunk."""
+    root, below = RIG[0][0], np.array([0.0, 0.0, -_ROOT_BELOW])
+    children = np.array([parent == root for _, parent, *_ in RIG])
+    return Rig(rig.offsets - children[:, None] * below, rig.root + rig.rotations[:, 0] @ below, rig.rotations)
 
 
 def _hierarchy(rig: Rig, turn: Float[np.ndarray, "3 3"], scale: float) -> list[str]:

@@ -8,9 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from ..._math.rotations import aligning, frame
-from ..._math.vectors import unit
-from ...body import JOINT_NAMES, PIVOT_NAMES, SEGMENT_NAMES, TIP_NAMES, Pose, Skeleton
+from ...body import JOINT_NAMES, PIVOT_NAMES, SEGMENT_NAMES, TIP_NAMES, Pose, Skeleton, t_posture
 
 # Each joint: its name, its parent's name, its point, and the segment with which it rotates. The trunk rotates apart
 # from the pelvis, which holds the hips, and each collar bone by itself, so these joints coincide with their parents.
@@ -38,11 +36,8 @@ RIG = _TRUNK + tuple(
 """Name, parent, point (joint, tip or pivot), and segment of each joint, depth first."""
 ENDS = tuple(name for name, *_ in RIG if name not in {parent for _, parent, *_ in RIG})
 
-_FRONT, _LEFT, _UP = np.eye(3)
 _SEGMENTS = [SEGMENT_NAMES.index(segment) for *_, segment in RIG]
 _POINT_NAMES = JOINT_NAMES + TIP_NAMES + PIVOT_NAMES
-# A foot that reaches less far ahead at rest (m) has no direction.
-_AHEAD = 0.005
 
 
 @dataclass(frozen=True)
@@ -85,7 +80,7 @@ def rig_from(start: TPose, pose: Pose) -> Rig:
 
 def t_pose_of(skeleton: Skeleton) -> TPose:
     """The template (m), standing with its arms to the sides, facing x, with z up."""
-    upright, rest = _to_t_pose(skeleton), _at_rest(skeleton)
+    upright, rest = t_posture(skeleton), _at_rest(skeleton)
     of = {name: (rest[point], segment) for (name, _, point, _), segment in zip(RIG, _SEGMENTS, strict=True)}
     offsets = [np.zeros(3)]
     for name, parent, *_ in RIG[1:]:
@@ -109,42 +104,3 @@ def _at_rest(skeleton: Skeleton) -> dict[str, Float[np.ndarray, "3"]]:
     """Joints, tips and pivots at rest (m, body frame)."""
     points = np.concatenate([skeleton.rest_joints, skeleton.rest_tips, skeleton.pivots]).astype(np.float64)
     return dict(zip(_POINT_NAMES, points, strict=True))
-
-
-def _to_t_pose(skeleton: Skeleton) -> Float[np.ndarray, "segments=17 3 3"]:
-    """Rotation of each segment from the template's rest to a T-pose: arms to the sides, legs down, feet ahead.
-
-    Trunk and head stay. Hinges of elbows point up or down and those of knees to the left, so that a limb which bends
-    as a hinge does so about one axis of the file. A bone beyond may go sideways by a degree or two, as shanks do.
-    """
-    at, turns = _at_rest(skeleton), {name: np.eye(3) for name in SEGMENT_NAMES}
-    for side, out in (("l_", _LEFT), ("r_", -_LEFT)):
-        arm, leg = (
-            [at[side + point] for point in chain] for chain in (("shoulder", "elbow", "hand"), ("hip", "knee", "ankle"))
-        )
-        turns[side + "upper_arm"], turns[side + "forearm"] = _straightened(arm, out, _FRONT)
-        # The wrist is on the line from elbow to palm.
-        turns[side + "hand"] = turns[side + "forearm"]
-        turns[side + "thigh"], turns[side + "shank"] = _straightened(leg, -_UP, -_FRONT)
-        ahead = (at[side + "toetip"] - at[side + "ankle"]) * [1.0, 1.0, 0.0]
-        if np.linalg.norm(ahead) > _AHEAD:
-            turns[side + "foot"] = frame(_UP, np.cross(_UP, ahead)).T
-    return np.stack([turns[name] for name in SEGMENT_NAMES])
-
-
-def _straightened(
-    points: list[Float[np.ndarray, "3"]], way: Float[np.ndarray, "3"], bends: Float[np.ndarray, "3"]
-) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3 3"]]:
-    """Rotations that lay the first bone along `way`, and the second one as nearly as turning about the hinge can.
-
-    Args:
-        points: Ends of two consecutive bones at rest (m).
-        way: Unit vector.
-        bends: Unit vector perpendicular to it: where the limb bends to, as in `hinge_axes`.
-    """
-    first, second = (unit(end - start) for start, end in zip(points[:-1], points[1:], strict=True))
-    hinge = np.cross(way, bends)
-    upper = aligning(first, way)
-    upper = aligning(unit(upper @ np.cross(first, bends)), hinge) @ upper
-    bone = upper @ second
-    return upper, aligning(unit(bone - hinge * (hinge @ bone)), way) @ upper
