@@ -2,22 +2,35 @@
 
 from collections.abc import Iterator
 from contextlib import nullcontext
+from dataclasses import replace
+from typing import NamedTuple
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float, UInt8
 
-from ..hull import FRAMES_PER_WORD, Stopwatch
+from ..body import Skeleton
+from ..hull import FRAMES_PER_WORD, Seen, Stopwatch
 from ..poses import Poses, Status, join_poses
 from ..recording import Recording
+from ..refinement.terms import Objective
 from ..search import Track
 from ._prepare import check_given, prepare
 from ._prepared import Prepared
 from ._refine import refine
-from ._settings import Settings
-from ._start import start_of
+from ._settings import RefinementSettings, Settings
+from ._start import Start, start_of
 
 BATCH = FRAMES_PER_WORD
+
+
+class World(NamedTuple):
+    """The world and the time that poses are given in."""
+
+    to_z_up: Float[np.ndarray, "3 3"]
+    """Rotation from this world to one with z up, in which all stages work."""
+    up: str
+    fps: float
 
 
 def reconstruct_batch(
@@ -35,34 +48,47 @@ def reconstruct_batch(
 
     `at_once` is the number of frames that programs are compiled for: 32, or 1 for frames that come one by one.
     """
-    count = len(silhouettes)
+    objective = settings.refinement.objective_for(prepared.body)
+    seen, start, track = start_of(silhouettes, recording.fps, prepared, settings, objective, track, stopwatch, at_once)
+    world = World(prepared.to_z_up, recording.up, recording.fps)
+    poses = refined_poses(seen, start, prepared.skeleton, objective, settings.refinement, world, stopwatch)
+    return replace(poses, stature_deviation=prepared.stature_deviation), track
+
+
+def refined_poses(
+    seen: Seen,
+    start: Start | None,
+    skeleton: Skeleton,
+    objective: Objective,
+    how: RefinementSettings,
+    world: World,
+    stopwatch: Stopwatch = lambda _: nullcontext(),
+) -> Poses:
+    """Refine the start poses of a batch, and give every frame its status."""
+    count = len(seen.status)
     joints, tips = np.full((count, 15, 3), np.nan, np.float32), np.full((count, 5, 3), np.nan, np.float32)
     rotations = np.full((count, 17, 3, 3), np.nan, np.float32)
     covariance, confidence = np.full((count, 15, 3, 3), np.nan, np.float32), np.zeros((count, 15), np.float32)
     sides = np.full(count, 0.5, np.float32)
-    objective = settings.refinement.objective_for(prepared.body)
-    seen, start, track = start_of(silhouettes, recording.fps, prepared, settings, objective, track, stopwatch, at_once)
     status, good = seen.status, seen.frames
     if start is not None:
         with stopwatch("refine"):
-            refined = refine(start.poses, start.observed, prepared.skeleton, objective, settings.refinement)
+            refined = refine(start.poses, start.observed, skeleton, objective, how)
         status[good[~start.plausible]] = Status.NO_MATCH
         fitted = start.plausible & refined.finite
         status[good[start.plausible & ~refined.finite]] = Status.FAILED
         status[good[fitted & ~refined.converged]] = Status.NOT_CONVERGED
         done = good[fitted]
         status[done[(status[done] == Status.OK) & seen.empty_views[done].any(1)]] = Status.VIEW_LOST
-        back = prepared.to_z_up.T.astype(np.float32)
+        back = world.to_z_up.T.astype(np.float32)
         joints[done], tips[done] = refined.joints[fitted] @ back.T, refined.tips[fitted] @ back.T
         rotations[done] = back @ refined.pose.rotations[fitted]
         uncertainty = start.uncertainty(refined)
         covariance[done] = back @ uncertainty.covariance[fitted] @ back.T
         confidence[done], sides[done] = uncertainty.confidence[fitted], start.sides[fitted]
-    poses = Poses(
-        joints, tips, rotations, prepared.skeleton, confidence, sides, status, recording.fps, recording.up,
-        np.arange(count), covariance, prepared.stature_deviation,
+    return Poses(
+        joints, tips, rotations, skeleton, confidence, sides, status, world.fps, world.up, np.arange(count), covariance
     )  # fmt: skip
-    return poses, track
 
 
 def reconstruct_batches(

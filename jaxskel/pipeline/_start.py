@@ -103,12 +103,12 @@ def start_of(
         return found.seen, None, track
     if search is None:
         assert found.labelled is not None
-        return found.seen, _by_graph(found.labelled, at_once), track
+        return found.seen, start_by_graph(found.labelled, at_once), track
     start, track = _by_search(found, search, fps, prepared, settings, track, stopwatch, at_once)
     return found.seen, start, track
 
 
-def _by_graph(labelled: Labelled, at_once: int) -> Start:
+def start_by_graph(labelled: Labelled, at_once: int) -> Start:
     """Start from the poses of the labelled graphs (Sect. 3.3)."""
     graphs, skeleton, limbs, facing, sides = labelled
 
