@@ -6,7 +6,7 @@ from typing import Any
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
 from .._runtime.kinds import check_kind
 from ..body import Skeleton, default_adult, make_body
@@ -23,7 +23,7 @@ from ._start import start_by_graph
 
 def reconstruct_hulls(
     occupied: Bool[np.ndarray, "frames x y z"],
-    origin: Float[np.ndarray, "3"],
+    origin: Any,
     spacing: float,
     settings: Settings | None = None,
     skeleton: Skeleton | None = None,
@@ -40,7 +40,7 @@ def reconstruct_hulls(
 
     Args:
         occupied: Which voxels are occupied.
-        origin: Lower corner of the first voxel (m, world).
+        origin: Lower corner of the first voxel, ``(3,)`` (m, world).
         spacing: Edge length of a voxel (m).
         settings: Settings without a search; `paper_settings` if None. Those of carving are not used.
         skeleton: The subject's dimensions; if None, an average adult is scaled to the stature of the graphs of up to 24

@@ -16,10 +16,10 @@ from ._volumes import Volumes, hulls_of, make_volumes, upright_grid
 
 VIRTUAL_CAMERAS = 8
 """Number of virtual cameras."""
-# Radius of the disc that a voxel is drawn as, in edges of a voxel: above half of its diagonal, so that there are no holes
-# between discs. What this makes too wide is taken off again. Exact silhouettes of four capsules 60 to 240 mm wide are
-# missed by 2.8 mm with voxels of 15 mm, and by 6.9 mm with 30 mm (mean distance of the outlines). Discs of half an edge
-# alone leave holes in 2 % of the person, and carving then finds nobody.
+# Radius of the disc that a voxel is drawn as, in edges of a voxel: above half of its diagonal, so that there are no
+# holes between discs. What this makes too wide is taken off again. The outlines are then 2.8 mm off those of four
+# capsules, 60 to 240 mm wide, with voxels of 15 mm, and 6.9 mm with voxels of 30 mm. Discs of half an edge leave holes
+# in 2 % of the person, and hardly any frame has a hull.
 _DISC = 0.9
 _PIXELS = 3  # along the edge of a voxel
 _TOO_WIDE = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (5, 5))
@@ -71,8 +71,8 @@ def seen_by_virtual_cameras(volumes: Volumes, count: int = VIRTUAL_CAMERAS) -> R
         raise ValueError(f"occupied: no voxel of {volumes.name} is occupied in any frame; give True for the person")
     grid = upright_grid(volumes)
     lower, upper = np.min([low for low, _ in extents], 0), np.max([high for _, high in extents], 0)
-    corners = (np.asarray(grid.origin) + grid.spacing * each for each in (lower, upper))
-    cameras = virtual_cameras(count, *corners, grid.spacing / _PIXELS)
+    low, high = (np.asarray(grid.origin) + grid.spacing * each for each in (lower, upper))
+    cameras = virtual_cameras(count, low, high, grid.spacing / _PIXELS)
     silhouettes = []
     for part in parts:
         hulls = hulls_of(volumes, part)

@@ -83,7 +83,7 @@ def make_volumes(
             raise ValueError(f"occupied: has shape {occupied.shape}; give (frames, x, y, z){hint}")
         if occupied.dtype != np.bool_:
             raise ValueError(f"occupied: holds {occupied.dtype}; give booleans, for example occupied > 0")
-    shape = tuple(int(n) for n in occupied.shape)
+    frames, x, y, z = shape = tuple(int(n) for n in occupied.shape)
     if 0 in shape:
         raise ValueError(f"occupied: has shape {shape}; give at least one frame and one voxel")
     if np.ndim(spacing) != 0:
@@ -92,13 +92,13 @@ def make_volumes(
         )
     spacing = spacing.item() if isinstance(spacing, np.ndarray) else spacing
     check_spacing(spacing)
-    grid = VoxelGrid(_origin(origin), float(spacing), shape[1:])
+    grid = VoxelGrid(_origin(origin), float(spacing), (x, y, z))
     if isinstance(fps, bool) or not isinstance(fps, int | float | np.number) or not 0 < fps < np.inf:
         raise ValueError(f"fps: is {fps!r}; give a positive number of frames per second")
     check_kind("up", up, str, "an axis, such as '+Z'")
     rotation_to_z_up(up)  # refuses what is no axis
     check_kind("skeleton", skeleton, Skeleton | None, "a Skeleton, such as default_adult(1.75), or None")
-    return Volumes(occupied, grid, up, float(fps), _numbers(frame_index, shape[0]), skeleton, truth, name)
+    return Volumes(occupied, grid, up, float(fps), _numbers(frame_index, frames), skeleton, truth, name)
 
 
 def hulls_of(volumes: Volumes, frames: Int[np.ndarray, " some"]) -> VisualHulls:
