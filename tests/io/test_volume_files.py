@@ -155,6 +155,15 @@ def test_surfaces_that_overlap_or_are_inside_out_have_one_inside(tmp_path):
     assert (both.sum(1) > 0).sum() >= (single.sum(1) > 0).sum()
 
 
+def test_parts_that_share_corners_are_closed(tmp_path):
+    # Two cubes of 0.5 m with an edge in common, at which four squares meet.
+    cubes = [trimesh.creation.box((0.5, 0.5, 0.5)) for _ in range(2)]
+    cubes[1].apply_translation([0.5, 0.5, 0.0])
+    trimesh.util.concatenate(cubes).export(tmp_path / "scan.ply")
+    volumes = read_volumes(tmp_path / "scan.ply")
+    assert all_frames(volumes).sum() * volumes.grid.spacing**3 == pytest.approx(0.25)
+
+
 @pytest.mark.parametrize(("axis", "up"), [((0, 1, 2), "+Z"), ((0, 2, 1), "+Y")])
 def test_up_is_where_a_mesh_is_longest(tmp_path, axis, up):
     mesh = trimesh.creation.capsule(1.2, 0.2)
@@ -174,7 +183,13 @@ def scaled(factor: float):
     return mesh
 
 
+def with_a_turned_triangle(mesh):
+    mesh.faces[7] = mesh.faces[7][::-1]
+    return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+
+
 FAULTY = {
+    "a turned triangle": (lambda: with_a_turned_triangle(capsule()), "Re-Orient"),
     "a hole": (lambda: with_a_hole(capsule()), "MeshLab"),
     "millimetres": (lambda: scaled(1000.0), "scale it by 0.001"),
     "centimetres": (lambda: scaled(100.0), "scale it by 0.01"),
