@@ -23,6 +23,7 @@ from . import search as search
 from . import segmentation as segmentation
 from . import synthetic as synthetic
 from . import verdict as verdict
+from . import volumes as volumes
 from ._runtime.kept_programs import keep_compiled as keep_compiled
 from .body import JOINT_NAMES as JOINT_NAMES
 from .body import JOINT_PARENTS as JOINT_PARENTS
@@ -51,6 +52,7 @@ from .pipeline import paper_settings as paper_settings
 from .pipeline import prepare as prepare
 from .pipeline import reconstruct as reconstruct
 from .pipeline import reconstruct_batches as reconstruct_batches
+from .pipeline import reconstruct_hulls as reconstruct_hulls
 from .pipeline import reconstruct_parallel as reconstruct_parallel
 from .pipeline import refinement_problem as refinement_problem
 from .pipeline import warm_up as warm_up
@@ -70,3 +72,4 @@ from .refinement import refine_sequence as refine_sequence
 from .refinement import terms as terms
 from .search import Search as Search
 from .search import Tracking as Tracking
+from .volumes import virtual_recording as virtual_recording

@@ -3,15 +3,18 @@
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import equinox as eqx
 
-from ..io.recordings import read_recording
+from ..io.recordings import read_recording, read_volumes
 from ..io.subjects import read_body, read_subject
 from ..pipeline import Settings
 from ..recording import Recording
+from ..volumes import Volumes
 from ._described import described
+
+_Given = TypeVar("_Given", Recording, Volumes)
 
 
 @dataclass(frozen=True)
@@ -28,16 +31,22 @@ class Method:
 
     def read(self, source: Path) -> Recording:
         """Read a recording, with the subject if one is given."""
-        recording = read_recording(source)
-        if self.smooth_hz is not None and not 0 < self.smooth_hz < recording.fps / 2:
+        return self._completed(source, read_recording(source))
+
+    def read_volumes(self, source: Path) -> Volumes:
+        """Read volumes, with the subject if one is given."""
+        return self._completed(source, read_volumes(source))
+
+    def _completed(self, source: Path, given: _Given) -> _Given:
+        if self.smooth_hz is not None and not 0 < self.smooth_hz < given.fps / 2:
             raise ValueError(
-                f"{source}: a cutoff of {self.smooth_hz:g} Hz; give one between 0 and {recording.fps / 2:g} Hz, half "
+                f"{source}: a cutoff of {self.smooth_hz:g} Hz; give one between 0 and {given.fps / 2:g} Hz, half "
                 "the rate"
             )
         if self.subject is None:
-            return recording
+            return given
         skeleton = read_subject(self.subject)
-        return eqx.tree_at(lambda r: r.skeleton, recording, skeleton, is_leaf=lambda leaf: leaf is None)
+        return eqx.tree_at(lambda r: r.skeleton, given, skeleton, is_leaf=lambda leaf: leaf is None)
 
     def settings_for_subject(self) -> Settings:
         """The settings, with the body of the subject if one is given."""

@@ -19,9 +19,17 @@ from rich.progress import (
 from rich.text import Text
 
 from .._runtime.compilations import COMPILATIONS
-from ..pipeline import Prepared, Settings, prepare, reconstruct_batches, reconstruct_parallel
+from ..pipeline import (
+    Prepared,
+    Settings,
+    prepare,
+    reconstruct_batches,
+    reconstruct_parallel,
+    reconstruct_volumes,
+)
 from ..poses import Poses, join_poses
 from ..recording import Recording
+from ..volumes import Volumes
 
 # Typical confidence below which poses are doubtful: such a joint is as likely to be elsewhere.
 _DOUBTFUL = 0.5
@@ -97,6 +105,18 @@ def reconstruct_with_progress(
             times.end_of_batch(len(part))
             progress.advance(task, len(part))
     return join_poses(parts), prepared
+
+
+def volumes_with_progress(volumes: Volumes, settings: Settings, times: StageTimes) -> Poses:
+    """Reconstruct volumes behind a progress bar."""
+    progress, task = progress_bar("reconstructing", len(volumes))
+    with progress:
+        parts = []
+        for part in reconstruct_volumes(volumes, settings, times):
+            parts.append(part)
+            times.end_of_batch(len(part))
+            progress.advance(task, len(part))
+    return join_poses(parts)
 
 
 def _timed(batches: Iterator[Poses], times: StageTimes) -> Iterator[Poses]:

@@ -10,16 +10,16 @@ import typer
 
 from ..batch import Method
 from ..io.poses import write_poses
-from ..io.recordings import read_data
-from ..pipeline import HullSettings, Prepared, Settings, advice, paper_settings
-from ..poses import smooth
+from ..io.recordings import holds_volumes, read_data
+from ..pipeline import HullSettings, Settings, advice, advice_for_volumes, paper_settings
+from ..poses import Poses, smooth
 from ..search import Tracking
 from ..verdict import doubts_before_work
 from ._objective import ObjectiveFile
 from ._outputs import check_output as check_output
 from ._outputs import check_output_file as check_output_file
 from ._outputs import files_of
-from ._progress import StageTimes, doubt, reconstruct_with_progress, summary
+from ._progress import StageTimes, doubt, reconstruct_with_progress, summary, volumes_with_progress
 from ._ranges import check_number
 from ._say import say, warn
 from ._verdict import Anyway
@@ -29,7 +29,9 @@ MOST_JOBS = 256
 POSES_FILES = ("poses.npz", "poses.csv")
 _FARTHEST = 1e4  # m; nobody is recorded farther away
 
-Recorded = Annotated[Path, typer.Argument(metavar="RECORDING", help="Folder with a recording.toml, or sequence file.")]
+Recorded = Annotated[
+    Path, typer.Argument(metavar="RECORDING", help="Folder with a recording.toml, sequence file, voxel file or mesh.")
+]
 Spacing = Annotated[float, typer.Option(help="Edge length of a voxel (m).")]
 Box = Annotated[
     tuple[float, float, float, float, float, float] | None,
@@ -87,32 +89,40 @@ def run(
     check_number("--jobs", jobs, 1, MOST_JOBS, "a number of processes")
     others = [path for path in (subject, objective, data) if path is not None]
     check_output(output, POSES_FILES, [*files_of(source), *others])
-    recording = method.read(source)
-    if data is not None:
-        recording = read_data(data, recording)
-    for told in doubts_before_work(source, recording, anyway):
-        warn(told)
-    settings = method.settings_for_subject()
-    times = StageTimes()
-    poses, prepared = reconstruct_with_progress(recording, settings, times, jobs)
+    settings, times = method.settings_for_subject(), StageTimes()
+    if preset is Preset.PAPER and holds_volumes(source):
+        refuse_carving(source, spacing, max_misses, box, jobs)
+        if data is not None:
+            raise ValueError(f"--data: --preset paper takes the voxels of {source} as they are; leave it out")
+        given = method.read_volumes(source)
+        poses = volumes_with_progress(given, settings, times)
+        problem = advice_for_volumes(poses)
+    else:
+        given = method.read(source)
+        if data is not None:
+            given = read_data(data, given)
+        for told in doubts_before_work(source, given, anyway):
+            warn(told)
+        poses = reconstruct_with_progress(given, settings, times, jobs)[0]
+        problem = advice(poses, given)
     if smooth_hz is not None:
         poses = smooth(poses, smooth_hz)
     archive, table = write_poses(output, poses)
-    if not prepared.skeleton_is_known:
-        say(f"{recording.name}: {found_subject(prepared)}")
+    if given.skeleton is None:
+        say(f"{given.name}: {found_subject(poses)}")
     say(f"{archive}, {table}: {summary(poses, times)}")
     warning = doubt(poses, settings)
     if warning:
         warn(f"{source}: {warning}")
-    problem = advice(poses, recording)
     if problem:
         warn(f"{source}: {problem}")
         raise typer.Exit(1)
 
 
-def found_subject(prepared: Prepared) -> str:
+def found_subject(poses: Poses) -> str:
     """What was found out about a subject whose dimensions were unknown."""
-    stature, deviation = prepared.skeleton.stature, prepared.stature_deviation
+    assert poses.skeleton is not None  # poses of a run have one
+    stature, deviation = poses.skeleton.stature, poses.stature_deviation
     if deviation is None:
         return f"unknown subject: stature {stature:.2f} m, average proportions"
     return f"unknown subject: stature {stature:.2f} +- {deviation:.2f} m"
@@ -122,6 +132,19 @@ def _with_objective(settings: Settings, objective: ObjectiveFile) -> Settings:
     """The settings with an objective for the search, if there is one, and for the refinement."""
     search = None if settings.search is None else replace(settings.search, objective=objective)
     return replace(settings, search=search, refinement=replace(settings.refinement, objective=objective))
+
+
+def refuse_carving(
+    source: Path, spacing: float, max_misses: int | None, box: tuple[float, ...] | None, jobs: int
+) -> None:
+    """Refuse options of carving, and several processes, where the graph is taken from the voxels as they are."""
+    given = {"--spacing": spacing != HullSettings.spacing, "--max-misses": max_misses is not None,
+             "--box": box is not None, "--jobs": jobs != 1}  # fmt: skip
+    for option, is_given in given.items():
+        if is_given:
+            raise ValueError(
+                f"{option}: is for silhouettes; --preset paper takes the voxels of {source} as they are; leave it out"
+            )
 
 
 def make_settings(

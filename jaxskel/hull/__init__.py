@@ -25,6 +25,7 @@ from ._reproject import reproject as reproject
 from ._see_people import Seen as Seen
 from ._see_people import Stopwatch as Stopwatch
 from ._see_people import middles_of_people as middles_of_people
+from ._see_people import see_bodies as see_bodies
 from ._see_people import see_people as see_people
 from ._see_people import trust_views as trust_views
 from ._visual_hulls import VisualHulls as VisualHulls

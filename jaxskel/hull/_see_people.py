@@ -15,7 +15,7 @@ from ._carve import carve
 from ._frame_bits import FRAMES_PER_WORD
 from ._ghosts import explains_silhouettes
 from ._grid_placement import body_middles
-from ._people import find_people, seen_whole
+from ._people import find_people, observed_edge, seen_whole
 from ._projection_table import ProjectionTable
 from ._visual_hulls import VisualHulls
 
@@ -74,6 +74,17 @@ def see_people(
         status[(status == Status.OK) & cut] = Status.PARTLY_OUTSIDE
         frames = np.flatnonzero(status == Status.OK)
     return Seen(status, frames, empty_views, people.hulls[frames])
+
+
+def see_bodies(hulls: VisualHulls) -> Seen:
+    """Find the person in each of some volumes that were not carved: one body inside the grid.
+
+    What touches the edge of the grid reaches out of it. There are no views, so none is empty.
+    """
+    people = find_people(hulls, observed_edge(np.ones(hulls.grid.shape, bool)))
+    status = np.where(hulls.inside.any(1), people.status, int(Status.EMPTY))
+    frames = np.flatnonzero(status == Status.OK)
+    return Seen(status, frames, np.zeros((len(hulls), 0), bool), people.hulls[frames])
 
 
 def trust_views(silhouettes: UInt8[np.ndarray, "frames cams h w8"], cameras: Cameras) -> Seen:

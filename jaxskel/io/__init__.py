@@ -40,6 +40,7 @@ from .poses import write_trc as write_trc
 from .poses import write_trc_deviations as write_trc_deviations
 from .recordings import read_data as read_data
 from .recordings import read_recording as read_recording
+from .recordings import read_volumes as read_volumes
 from .recordings import write_recording as write_recording
 from .subjects import read_body as read_body
 from .subjects import read_subject as read_subject

@@ -5,6 +5,7 @@ In: a `Recording` and `Settings`. Out: `Poses`. `observe_batch` is the front hal
 """
 
 from ._advice import advice as advice
+from ._advice import advice_for_volumes as advice_for_volumes
 from ._calibrate_body import FRAMES as FRAMES
 from ._calibrate_body import STAGES as STAGES
 from ._calibrate_body import CalibratedBody as CalibratedBody
@@ -18,6 +19,9 @@ from ._reconstruct import batches_from as batches_from
 from ._reconstruct import reconstruct as reconstruct
 from ._reconstruct import reconstruct_batch as reconstruct_batch
 from ._reconstruct import reconstruct_batches as reconstruct_batches
+from ._reconstruct_hulls import check_without_silhouettes as check_without_silhouettes
+from ._reconstruct_hulls import reconstruct_hulls as reconstruct_hulls
+from ._reconstruct_hulls import reconstruct_volumes as reconstruct_volumes
 from ._refinement_problem import RefinementProblem as RefinementProblem
 from ._refinement_problem import refinement_problem as refinement_problem
 from ._settings import GraphSettings as GraphSettings

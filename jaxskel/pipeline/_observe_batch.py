@@ -14,13 +14,13 @@ from jaxtyping import Array, Float, Int, UInt8
 from .._runtime.batching import take
 from ..body import Skeleton
 from ..graph import SkeletalGraph, person_graphs
-from ..hull import FRAMES_PER_WORD, Seen, Stopwatch, middles_of_people, see_people, trust_views
+from ..hull import FRAMES_PER_WORD, Seen, Stopwatch, VisualHulls, middles_of_people, see_people, trust_views
 from ..matching import Limbs, labelled_limbs
 from ..recording import Recording
 from ..refinement.terms import Observed
 from ._evidence import observed_volume
 from ._prepared import Prepared
-from ._settings import Settings
+from ._settings import GraphSettings, Settings
 
 
 class Labelled(NamedTuple):
@@ -106,11 +106,13 @@ def draw_graphs(
 ) -> list[SkeletalGraph]:
     """Extract the graphs of some of the people in a batch."""
     assert seen.hulls is not None
-    graph = settings.graph
     with stopwatch("graph"):
-        return person_graphs(
-            seen.hulls[people], prepared.skeleton, graph.root_finder, graph.min_branch, graph.skeletoniser
-        )
+        return graphs_of(seen.hulls[people], prepared.skeleton, settings.graph)
+
+
+def graphs_of(hulls: VisualHulls, skeleton: Skeleton, graph: GraphSettings) -> list[SkeletalGraph]:
+    """Extract the graph of the person in each hull; `skeleton` is the template as far as it is known."""
+    return person_graphs(hulls, skeleton, graph.root_finder, graph.min_branch, graph.skeletoniser)
 
 
 def label_graphs(

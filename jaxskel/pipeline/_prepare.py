@@ -132,7 +132,7 @@ def with_subject(
     assert len(chosen) <= FRAMES_PER_WORD
     found = observe_batch(
         recording[chosen], prepared, settings, outlines=calibrating, at_once=at_once,
-        template=lambda graphs: _template(graphs, prepared),
+        template=lambda graphs: prepared.skeleton if prepared.skeleton_is_known else template_of(graphs),
     )  # fmt: skip
     if found.labelled is None:
         return prepared
@@ -160,11 +160,7 @@ def with_subject(
     )  # fmt: skip
 
 
-def _template(graphs: list[SkeletalGraph], prepared: Prepared) -> Skeleton:
-    """The subject's skeleton if it is known, else an average adult of the graphs' stature."""
-    if prepared.skeleton_is_known:
-        return prepared.skeleton
+def template_of(graphs: list[SkeletalGraph]) -> Skeleton:
+    """An average adult of the graphs' stature; of average stature where they show none that a person can have."""
     stature = estimate_stature(graphs)
-    return (
-        default_adult(stature) if stature is not None and _STATURES[0] < stature < _STATURES[1] else prepared.skeleton
-    )
+    return default_adult(stature) if stature is not None and _STATURES[0] < stature < _STATURES[1] else default_adult()

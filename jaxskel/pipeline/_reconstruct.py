@@ -2,12 +2,13 @@
 
 from collections.abc import Iterator
 from contextlib import nullcontext
+from dataclasses import replace
 
 from ..hull import FRAMES_PER_WORD, Stopwatch
 from ..poses import Poses, join_poses
 from ..recording import Recording
 from ..search import Track
-from ._assemble import assemble
+from ._assemble import FramesOf, assemble
 from ._prepare import check_given, prepare
 from ._prepared import Prepared
 from ._refine import refine
@@ -37,7 +38,9 @@ def reconstruct_batch(
     if start is not None:
         with stopwatch("refine"):
             refined = refine(start.poses, start.observed, prepared.skeleton, objective, settings.refinement)
-    return assemble(part, prepared, seen, start, refined), track
+    frames = FramesOf(prepared.to_z_up, part.up, part.fps, part.frame_index)
+    poses = assemble(frames, prepared.skeleton, seen, start, refined)
+    return replace(poses, stature_deviation=prepared.stature_deviation), track
 
 
 def reconstruct_batches(

@@ -17,7 +17,7 @@ from ..recording import Recording
 from ..refinement import Refined
 from ..refinement.terms import Observed
 from ..search import Hypotheses
-from ._assemble import assemble
+from ._assemble import FramesOf, assemble
 from ._prepare import prepare
 from ._prepared import Prepared
 from ._reconstruct import BATCH
@@ -66,9 +66,9 @@ class RefinementProblem(eqx.Module):
 class _Batches:
     """What is left to do for poses, batch by batch."""
 
-    facts: tuple[Recording, ...]
-    """With empty silhouettes."""
-    prepared: Prepared
+    frames: tuple[FramesOf, ...]
+    skeleton: Skeleton
+    stature_deviation: float | None
     seen: tuple[Seen, ...]
     starts: tuple[Start | None, ...]
 
@@ -77,13 +77,13 @@ class _Batches:
         if len(refined.converged) != frames:
             raise ValueError(f"refined: has {len(refined.converged)} frames, but the problem has {frames}; refine all")
         parts, first = [], 0
-        for facts, seen, start in zip(self.facts, self.seen, self.starts, strict=True):
+        for frames_of, seen, start in zip(self.frames, self.seen, self.starts, strict=True):
             own = None
             if start is not None:
                 own = take(refined, np.arange(first, first + len(seen.frames)))
                 first += len(seen.frames)
-            parts.append(assemble(facts, self.prepared, seen, start, own))
-        return join_poses(parts)
+            parts.append(assemble(frames_of, self.skeleton, seen, start, own))
+        return replace(join_poses(parts), stature_deviation=self.stature_deviation)
 
 
 def refinement_problem(
@@ -100,12 +100,11 @@ def refinement_problem(
     settings = settings or Settings()
     prepared = prepared or prepare(recording, settings)
     objective = settings.refinement.objective_for(prepared.body)
-    facts, people, found = [], [], []
+    numbered, people, found = [], [], []
     for first in range(0, len(recording), BATCH):
         part = recording[first : first + BATCH]
         seen, start, _ = start_of(part, prepared, settings, objective)
-        # Only facts are used later; one zero that is repeated takes no memory.
-        facts.append(replace(part, silhouettes=np.broadcast_to(np.uint8(0), part.silhouettes.shape)))
+        numbered.append(FramesOf(prepared.to_z_up, part.up, part.fps, part.frame_index))
         people.append(replace(seen, hulls=None))
         found.append(start)
     starts = [start for start in found if start is not None]
@@ -123,7 +122,7 @@ def refinement_problem(
     searched = [start.hypotheses for start in starts if start.hypotheses is not None]
     # The observations are large, and kept once.
     kept = tuple(None if start is None else start._replace(observed=None) for start in found)
-    batches = _Batches(tuple(facts), prepared, tuple(people), kept)
+    batches = _Batches(tuple(numbered), prepared.skeleton, prepared.stature_deviation, tuple(people), kept)
     return RefinementProblem(
         chosen, initial, observed, skeleton, body, truth, prepared.cameras, prepared.to_z_up,
         jax.tree.map(lambda *parts: np.concatenate(parts), *searched) if searched else None, batches,

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from .._math.gaussians import deviation_for
 from .._runtime.batching import length_of, on_device, padded, single_precision, take
@@ -47,7 +47,7 @@ from ..search import (
     unexplained_shares,
 )
 from ._evidence import observed_graph
-from ._observe_batch import Observation, draw_graphs, label_graphs, look_at_outlines, observe_batch
+from ._observe_batch import Labelled, Observation, draw_graphs, label_graphs, look_at_outlines, observe_batch
 from ._prepared import Prepared
 from ._settings import Settings
 
@@ -107,15 +107,15 @@ def start_of(
     if len(found.seen.frames) == 0:
         return found.seen, None, track
     if model is None:
-        return found.seen, _by_graph(found, at_once), track
+        assert found.labelled is not None
+        return found.seen, start_by_graph(found.labelled, at_once, found.data), track
     start, track = _by_search(found, model, part.fps, prepared, settings, track, stopwatch, at_once)
     return found.seen, start, track
 
 
-def _by_graph(found: Observation, at_once: int) -> Start:
+def start_by_graph(labelled: Labelled, at_once: int, data: dict[str, Float[Array | np.ndarray, "people ..."]]) -> Start:
     """Start from the poses of the labelled graphs (Sect. 3.3)."""
-    assert found.labelled is not None
-    graphs, skeleton, limbs, facing, sides = found.labelled
+    graphs, skeleton, limbs, facing, sides = labelled
 
     def uncertainty(refined: Refined) -> Uncertainty:
         trust = joint_confidence(np.asarray(refined.joints), np.asarray(refined.tips), limbs, skeleton)
@@ -123,7 +123,7 @@ def _by_graph(found: Observation, at_once: int) -> Start:
         variance = deviation_for(SAME_PLACE, np.clip(trust, _LEAST_TRUST, _MOST_TRUST)) ** 2
         return Uncertainty((variance[..., None, None] * np.eye(3)).astype(np.float32), trust)
 
-    poses, observed = initial_poses(limbs, facing, skeleton), on_device(observed_graph(limbs, found.data), at_once)
+    poses, observed = initial_poses(limbs, facing, skeleton), on_device(observed_graph(limbs, data), at_once)
     return Start(poses, observed, _plausible(graphs, limbs, skeleton), sides, uncertainty)
 
 

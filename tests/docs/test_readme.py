@@ -60,6 +60,8 @@ def test_python_of_the_objectives_runs(beside_a_demo, capsys):
         assert result.joints.shape == (4, 15, 3)
         assert result.finite.all()
     assert isinstance(names["chosen"], Settings)
+    assert names["by_graph"].joints.shape == (4, 15, 3)
+    assert names["virtual"].silhouettes.any((2, 3)).all()
 
 
 def test_python_of_the_cluster_runs(tmp_path, monkeypatch, capsys):

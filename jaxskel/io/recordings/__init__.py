@@ -1,7 +1,8 @@
 """Recordings: the input of the whole pipeline.
 
 In: a folder with a `recording.toml`, or one sequence file that holds everything. Out: a `Recording` (cameras,
-silhouettes, frame rate, up axis), read lazily. A `recording.toml` may name running cameras instead: a `Rig`.
+silhouettes, frame rate, up axis), read lazily. A `recording.toml` may name running cameras instead: a `Rig`. Voxels and
+meshes are read as `Volumes`, or as a recording of virtual cameras around them.
 """
 
 from ._changed_images import missing_sizes as missing_sizes
@@ -25,3 +26,5 @@ from ._sequence_file import frame_rate as frame_rate
 from ._sequence_file import truth as truth
 from ._sequence_file import write_recording as write_recording
 from ._view_table import open_frames as open_frames
+from ._volumes import holds_volumes as holds_volumes
+from ._volumes import read_volumes as read_volumes

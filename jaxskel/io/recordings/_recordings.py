@@ -1,15 +1,19 @@
-"""Reads recordings from disk: a sequence file or a folder."""
+"""Reads recordings from disk: a sequence file, a folder, or volumes as virtual cameras see them."""
 
 from pathlib import Path
 
 from ..._runtime.kinds import check_kind
 from ...recording import Recording
+from ...volumes import seen_by_virtual_cameras
 from ._folders import RECORDING_FILE, read_folder
 from ._sequence_file import IN_MEMORY, read_sequence_file
+from ._volumes import holds_volumes, read_volumes
 
 
 def read_recording(path: str | Path, in_memory: int = IN_MEMORY) -> Recording:
     """Read a sequence file (see `_sequence_file.py`) or a folder with a `recording.toml` (see `_folders.py`).
+
+    Voxels and meshes, see `read_volumes`, are rendered into virtual cameras around them.
 
     Args:
         path: The file, or the folder.
@@ -23,4 +27,8 @@ def read_recording(path: str | Path, in_memory: int = IN_MEMORY) -> Recording:
     path = Path(path)
     if path.is_dir():
         return read_folder(path, in_memory)
-    return read_folder(path.parent, in_memory) if path.name == RECORDING_FILE else read_sequence_file(path, in_memory)
+    if path.name == RECORDING_FILE:
+        return read_folder(path.parent, in_memory)
+    if holds_volumes(path):
+        return seen_by_virtual_cameras(read_volumes(path))
+    return read_sequence_file(path, in_memory)

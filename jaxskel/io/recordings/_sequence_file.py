@@ -60,7 +60,7 @@ def read_sequence_file(path: Path, in_memory: int = IN_MEMORY) -> Recording:
         fps=frame_rate(path, arrays),
         up=up_axis(path, arrays),
         frame_index=frame_numbers(path, arrays, frames),
-        skeleton=_skeleton(path, arrays),
+        skeleton=skeleton_of(path, arrays),
         truth=truth(path, arrays, frames),
         name=path.stem,
     ).with_data(**{key.removeprefix(PREFIX): rows_of(path, arrays, key, frames) for key in own})
@@ -119,7 +119,8 @@ def _cameras(path: Path, arrays: dict[str, np.ndarray]) -> Cameras:
     return cameras
 
 
-def _skeleton(path: Path, arrays: dict[str, np.ndarray]) -> Skeleton | None:
+def skeleton_of(path: Path, arrays: dict[str, np.ndarray]) -> Skeleton | None:
+    """Check the subject's dimensions (m), if the file has them."""
     given = [key for key in ("rest_joints", "rest_tips") if key in arrays]
     if not given:
         return None
