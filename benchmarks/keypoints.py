@@ -86,6 +86,7 @@ def compare(
     keypoints: KeypointSet,
     seen: Float[np.ndarray, "frames cams points 3"],
     truth: Float[np.ndarray, "people points 3"],
+    weights: list[float],
 ) -> None:
     """Refine by silhouettes, by keypoints, and by both; print a row for each."""
     refinement = Settings().refinement
@@ -105,8 +106,8 @@ def compare(
     row("search in the silhouettes only", problem.initial, "-")
     for name, objective in {
         "silhouettes": whole.weighted(keypoints=0.0),
-        "keypoints": whole.weighted(contours=0.0, inside=0.0),
-        "both": whole,
+        "keypoints, weight 1": whole.weighted(contours=0.0, inside=0.0, keypoints=1.0),
+        **{f"both, weight {weight:g}": whole.weighted(keypoints=weight) for weight in weights},
     }.items():
         found = refine_frames(
             objective, refinement.parametrisation, refinement.solver, problem.skeleton, problem.initial, observed
@@ -121,6 +122,7 @@ def main() -> None:
     parser.add_argument("--reference", type=Path, help="TRC file with markers of Pose2Sim")
     parser.add_argument("--simulated", action="store_true", help="make keypoints of the truth")
     parser.add_argument("--every", type=int, default=11, help="take one frame in so many")
+    parser.add_argument("--weights", type=float, nargs="+", default=[0.1, 0.3, 1.0], help="of the keypoints, if both")
     arguments = parser.parse_args()
     keep_compiled()
     recording = read_recording(arguments.recording)[:: arguments.every]
@@ -136,7 +138,7 @@ def main() -> None:
         seen, keypoints = read_keypoints(arguments.keypoints, recording, BODY_25B), BODY_25B
         truth = truth_of(keypoints, read_trc(arguments.reference), recording.frame_index)
     problem = refinement_problem(recording)
-    compare(recording, problem, keypoints, seen, truth[problem.frames])
+    compare(recording, problem, keypoints, seen, truth[problem.frames], arguments.weights)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,7 @@
 """Keypoints: a projection computed by hand, gaps, what is not seen, and worlds with another axis up."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import jaxtyping
@@ -105,6 +107,7 @@ def test_poses_are_refined_in_a_world_with_z_up(up):
 
 def test_wrong_data_and_arguments_are_refused_in_one_line(monkeypatch):
     monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)  # as for a user
+    wrong: list[Any] = [None, "COCO"]
     term = keypoints_term(CAMERAS, COCO_17, name="hands")
     for observed, message in (
         (with_keypoints(np.zeros((8, 17, 3))), r"observed: has no data 'hands'; give observed.with_data\(hands="),
@@ -116,8 +119,8 @@ def test_wrong_data_and_arguments_are_refused_in_one_line(monkeypatch):
         with pytest.raises(ValueError, match=message):
             term.cost(BODY, observed)
     for make, message in (
-        (lambda: keypoints_term(None, COCO_17), "cameras: is a NoneType; give the recording's cameras"),
-        (lambda: keypoints_term(CAMERAS, "COCO"), "keypoint_set: is a str; give a KeypointSet"),
+        (lambda: keypoints_term(wrong[0], COCO_17), "cameras: is a NoneType; give the recording's cameras"),
+        (lambda: keypoints_term(CAMERAS, keypoint_set=wrong[1]), "keypoint_set: is a str; give a KeypointSet"),
         (lambda: keypoints_term(CAMERAS, COCO_17, up="z"), "up axis 'z'"),
         (lambda: KeypointSet("x", ("a",), ()), "points: 0 for 1 names"),
         (lambda: KeypointSet("x", ("a",), ({"wrist": 1.0},)), "points: a has 'wrist'; give some of pelvis, neck"),

@@ -88,7 +88,7 @@ def keypoints_term(
     cameras: Cameras,
     keypoint_set: KeypointSet,
     up: str = "+Z",
-    weight: Any = 1.0,
+    weight: Any = 0.1,
     noise: Any = 0.02,
     loss: AbstractLoss | None = None,
     name: str = "keypoints",
@@ -101,7 +101,8 @@ def keypoints_term(
         keypoint_set: Which keypoints, and which point of the skeleton each of them means: one of `jaxskel.body`, such
             as `HALPE_26`, or your own.
         up: Axis of the recording's world that points up: poses are refined in a world with z up.
-        weight: Weight of the cost. Keypoints of several views err alike, and count as fewer.
+        weight: Weight of the cost. Keypoints of several views err alike, so they count as fewer: the default was best
+            beside silhouettes where keypoints were simulated, see `benchmarks/keypoints.py`.
         noise: Standard deviation of a keypoint along each image axis, as a length at the subject (m).
         loss: Robust loss of the distance in standard deviations; ``GemanMcClure(3)`` by default.
         name: Of the data, ``observed.with_data(name=...)``.

@@ -12,21 +12,6 @@ from ._losses import AbstractLoss, robust_rows
 from ._quadrics import CapsuleTerm
 
 
-def _term(value: Any) -> AbstractTerm:
-    check_kind("term", value, AbstractTerm, "a term of single frames, such as EndNodeAttraction()")
-    if isinstance(value, CapsuleTerm):
-        raise ValueError(
-            f"term: {type(value).__name__} sums up its points, so it has no residual for each; give the loss to it, "
-            "ContourContact(body, loss=...), or weight the points in your own quadrics"
-        )
-    return value
-
-
-def _loss(value: Any) -> AbstractLoss:
-    check_kind("loss", value, AbstractLoss, "a loss, such as GemanMcClure(0.05)")
-    return value
-
-
 class Robust(AbstractTerm):
     """Another term with a robust loss of its residuals instead of their squares.
 
@@ -38,15 +23,23 @@ class Robust(AbstractTerm):
             these have no residual for each point. `ContourContact` takes a loss itself.
     """
 
-    term: AbstractTerm = eqx.field(converter=_term)
-    loss: AbstractLoss = eqx.field(converter=_loss)
+    term: AbstractTerm
+    loss: AbstractLoss
     """Its scale is in the unit of the term's residuals."""
-    group: int = eqx.field(static=True, default=1)
+    group: int = eqx.field(static=True)
     """How many residuals in a row are one vector, whose length the loss is of: 3 for positions (x, y, z)."""
 
-    def __check_init__(self):
-        """Reject a group that is none."""
-        check_count("group", self.group)
+    def __init__(self, term: AbstractTerm, loss: AbstractLoss, group: int = 1):
+        """Reject what cannot be made robust."""
+        check_kind("term", term, AbstractTerm, "a term of single frames, such as EndNodeAttraction()")
+        check_kind("loss", loss, AbstractLoss, "a loss, such as GemanMcClure(0.05)")
+        check_count("group", group)
+        if isinstance(term, CapsuleTerm):
+            raise ValueError(
+                f"term: {type(term).__name__} sums up its points, so it has no residual for each; give the loss to it, "
+                "ContourContact(body, loss=...), or weight the points in your own quadrics"
+            )
+        self.term, self.loss, self.group = term, loss, group
 
     @property
     def weight(self) -> Any:  # a placeholder while another weight is put in
