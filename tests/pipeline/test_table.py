@@ -100,7 +100,8 @@ TERMS = {
     "symmetry": (Symmetry(), SoftBones(), RAISED, 1e-6),
     "function": (from_function(points, points_of(TRUTH)), HINGED, RAISED, 1e-6),
     "robust": (Robust(from_function(points, points_of(TRUTH)), GemanMcClure(0.3), group=3), HINGED, RAISED, 1e-6),
-    "keypoints": (keypoints_term(CAMERAS, HALPE_26), HINGED, RAISED, 0.01),
+    # In metres, as the others, and not in standard deviations.
+    "keypoints": (keypoints_term(CAMERAS, HALPE_26, noise=1.0, loss=GemanMcClure(1.0)), HINGED, RAISED, 5e-4),
     "custom module": (
         HandsTogether(length=float(np.linalg.norm(points_of(TRUTH)[5] - points_of(TRUTH)[8]))), HINGED, RAISED, 1e-6
     ),
