@@ -21,6 +21,15 @@ from ._capsules import all_distances as all_distances
 from ._capsules import nearest_capsule as nearest_capsule
 from ._capsules import nearest_to_rays as nearest_to_rays
 from ._capsules import toward_capsule as toward_capsule
+from ._keypoint_sets import BODY_25 as BODY_25
+from ._keypoint_sets import BODY_25B as BODY_25B
+from ._keypoint_sets import COCO_17 as COCO_17
+from ._keypoint_sets import H36M_17 as H36M_17
+from ._keypoint_sets import HALPE_26 as HALPE_26
+from ._keypoint_sets import MEANINGS as MEANINGS
+from ._keypoint_sets import POINT_NAMES as POINT_NAMES
+from ._keypoint_sets import KeypointSet as KeypointSet
+from ._keypoint_sets import keypoint_set as keypoint_set
 from ._population import Population as Population
 from ._population import adults as adults
 from ._population import children as children

@@ -1,11 +1,12 @@
 """File formats, one subpackage each kind of data.
 
-In: recordings (calibration, images, masks), subjects and motion capture. Out: validated types, and files with poses in
-the formats of other tools.
+In: recordings (calibration, images, masks), subjects, keypoints, motion capture. Out: validated types, and files with
+poses in the formats of other tools.
 """
 
 from . import calibrations as calibrations
 from . import files as files
+from . import keypoints as keypoints
 from . import mocap as mocap
 from . import poses as poses
 from . import proposals as proposals
@@ -18,6 +19,8 @@ from .calibrations import read_calibration as read_calibration
 from .calibrations import write_calibration as write_calibration
 from .calibrations import write_easymocap_calibration as write_easymocap_calibration
 from .calibrations import write_pose2sim_calibration as write_pose2sim_calibration
+from .keypoints import read_keypoints as read_keypoints
+from .keypoints import undistort_keypoints as undistort_keypoints
 from .mocap import Motion as Motion
 from .mocap import parse_asf_amc as parse_asf_amc
 from .mocap import parse_bvh as parse_bvh

@@ -7,11 +7,12 @@ import lineax as lx
 import numpy as np
 import optimistix as optx
 import pytest
-from support.observed_person import ADULT, BODY, HINGED, observe, standing, turned
+from support.observed_person import ADULT, BODY, CAMERAS, HINGED, observe, standing, turned
 from support.phantoms import HandsTogether
 
 from jaxskel import Pose, refine_frames
-from jaxskel.body import JOINT_PARENTS, forward_kinematics
+from jaxskel.body import HALPE_26, JOINT_PARENTS, forward_kinematics
+from jaxskel.cameras import project
 from jaxskel.refinement.parametrisations import (
     AugmentedLagrangian,
     ExactBones,
@@ -26,15 +27,18 @@ from jaxskel.refinement.terms import (
     ArmCollision,
     ContourContact,
     EndNodeAttraction,
+    GemanMcClure,
     GraphAttraction,
     HingeLimits,
     InnerNodeAttraction,
     InsideSilhouettes,
     Objective,
     RestPrior,
+    Robust,
     ShoulderLimits,
     Symmetry,
     from_function,
+    keypoints_term,
     place,
     pose_prior,
 )
@@ -51,6 +55,16 @@ def points_of(pose: Pose) -> np.ndarray:
 def points(body, observed, goal):
     """Joints and tips at known positions, like markers."""
     return jnp.concatenate([body.joints, body.tips]) - goal
+
+
+def keypoints_of(pose: Pose) -> np.ndarray:
+    """Exact keypoints in all views; a few are missing."""
+    body = place(ADULT, pose)
+    means = HALPE_26.shares @ np.concatenate([body.joints, body.tips, body.origins[-4:]])
+    u, v, _ = project(CAMERAS, means)
+    seen = np.array(np.stack([u, v, np.linspace(0.2, 1, u.size).reshape(u.shape)], -1), np.float32)
+    seen[3, 5:8] = np.nan
+    return seen
 
 
 def stacked(*poses: Pose) -> Pose:
@@ -85,6 +99,9 @@ TERMS = {
     "pose prior": (pose_prior(stacked(TRUTH, TRUTH)), HINGED, RAISED, 1e-4),
     "symmetry": (Symmetry(), SoftBones(), RAISED, 1e-6),
     "function": (from_function(points, points_of(TRUTH)), HINGED, RAISED, 1e-6),
+    "robust": (Robust(from_function(points, points_of(TRUTH)), GemanMcClure(0.3), group=3), HINGED, RAISED, 1e-6),
+    # In metres, as the others, and not in standard deviations.
+    "keypoints": (keypoints_term(CAMERAS, HALPE_26, noise=1.0, loss=GemanMcClure(1.0)), HINGED, RAISED, 5e-4),
     "custom module": (
         HandsTogether(length=float(np.linalg.norm(points_of(TRUTH)[5] - points_of(TRUTH)[8]))), HINGED, RAISED, 1e-6
     ),
@@ -109,7 +126,7 @@ SOLVERS = {
 
 @pytest.fixture(scope="module")
 def observed():
-    return observe(TRUTH)
+    return observe(TRUTH).with_data(keypoints=keypoints_of(TRUTH))
 
 
 def test_the_table_has_all_terms_and_parametrisations():

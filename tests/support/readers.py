@@ -1,5 +1,6 @@
 """Every reader of files, with small valid files for it, to be damaged or to be made to claim too much data."""
 
+import json
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -10,8 +11,10 @@ import cv2
 import numpy as np
 
 from jaxskel import Recording, default_adult, make_body
+from jaxskel.body import COCO_17
 from jaxskel.camera_calibration.from_boards import some_frames
 from jaxskel.io.calibrations import Calibration, read_calibration, write_calibration
+from jaxskel.io.keypoints import read_keypoints
 from jaxskel.io.mocap import Motion, read_asf_amc, read_bvh
 from jaxskel.io.poses import read_poses, read_trc, read_truth, write_poses, write_trc
 from jaxskel.io.proposals import propose_recording
@@ -177,6 +180,20 @@ def _bare(folder: Path, kind: str) -> Path:
     return folder
 
 
+def _keypoints(folder: Path) -> Path:
+    values = np.random.default_rng(0).uniform(1, 9, 51).round(2).tolist()
+    (folder / "front_json").mkdir()
+    for name, persons in (("4", [values]), ("9", [values, values[::-1]])):
+        table = {"people": [{"pose_keypoints_2d": each} for each in persons]}
+        (folder / "front_json" / f"{name}.json").write_text(json.dumps(table))
+    return folder
+
+
+def are_keypoints(found: np.ndarray) -> None:
+    assert found.shape == (2, 3, 17, 3)
+    assert not np.isinf(found).any()
+
+
 def _acclaim(folder: Path) -> Path:
     (folder / "a.asf").write_text(ASF)
     (folder / "a.amc").write_text(AMC)
@@ -259,6 +276,7 @@ READERS = {
     "proposal of an archive": _proposer("archive"),
     "proposal of videos": _proposer("video"),
     "trc": Reader(lambda folder: write_trc(folder / "a.trc", moving(3, 30.0)), read_trc, is_finite),
+    "keypoints": Reader(_keypoints, lambda folder: read_keypoints(folder, a_clip(), COCO_17), are_keypoints),
     "bvh": Reader(_bvh, read_bvh, is_a_motion),
     "acclaim": Reader(_acclaim, lambda folder: read_asf_amc(folder / "a.asf", folder / "a.amc"), is_a_motion),
 }

@@ -24,6 +24,13 @@ from ._graph_attraction import GraphAttraction as GraphAttraction
 from ._hinges import HingeLimits as HingeLimits
 from ._inner_nodes import InnerNodeAttraction as InnerNodeAttraction
 from ._inside_silhouettes import InsideSilhouettes as InsideSilhouettes
+from ._keypoints import Keypoints as Keypoints
+from ._keypoints import keypoints_term as keypoints_term
+from ._losses import AbstractLoss as AbstractLoss
+from ._losses import Cauchy as Cauchy
+from ._losses import GemanMcClure as GemanMcClure
+from ._losses import Huber as Huber
+from ._losses import robust_rows as robust_rows
 from ._objectives import paper_objective as paper_objective
 from ._objectives import volume_objective as volume_objective
 from ._pose_prior import PosePrior as PosePrior
@@ -31,6 +38,7 @@ from ._pose_prior import pose_prior as pose_prior
 from ._quadrics import CapsuleTerm as CapsuleTerm
 from ._rest_prior import RestPrior as RestPrior
 from ._rest_prior import firmness as firmness
+from ._robust import Robust as Robust
 from ._shoulder_limits import ShoulderLimits as ShoulderLimits
 from ._smoothness import Smoothness as Smoothness
 from ._symmetry import Symmetry as Symmetry

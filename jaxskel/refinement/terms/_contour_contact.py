@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from ...body import Body, Grazed, nearest_to_rays
 from ._base import Observed, PlacedBody, number
+from ._losses import AbstractLoss
 from ._quadrics import CapsuleTerm, Quadrics, make_quadrics
 
 
@@ -28,6 +29,8 @@ class ContourContact(CapsuleTerm):
     """Weight of rays that pass through the body, relative to those outside it."""
     limit: Float[Array, ""] = eqx.field(converter=number, default=0.06)
     """Distance (m) beyond which the cost of a ray does not grow."""
+    loss: AbstractLoss | None = None
+    """Another loss, of the distance in units of `scale`, in place of Geman-McClure and `limit`."""
 
     def quadrics(self, body: PlacedBody, observed: Observed) -> Quadrics:
         """Nearest capsule, tangent plane and weight of each ray, summed by capsule."""
@@ -41,9 +44,13 @@ class ContourContact(CapsuleTerm):
         return near, self._weight(near)
 
     def cost(self, body: PlacedBody, observed: Observed) -> Float[Array, ""]:
-        """Squared distances (m^2), constant beyond `limit`, as a mean over the rays."""
+        """Squared distances (m^2), constant beyond `limit`, or their robust cost, as a mean over the rays."""
         distance = self._nearest(body, observed)[1].distance
-        return (jnp.where(distance < 0, self.inner, 1.0) * jnp.minimum(distance**2, self.limit**2)).mean()
+        if self.loss is None:
+            cost = jnp.minimum(distance**2, self.limit**2)
+        else:
+            cost = self.scale**2 * self.loss.cost((distance / self.scale) ** 2)
+        return (jnp.where(distance < 0, self.inner, 1.0) * cost).mean()
 
     def at_scale(self, scale: Float[Array, ""]) -> "ContourContact":
         """The same term with another `scale`."""
@@ -55,7 +62,9 @@ class ContourContact(CapsuleTerm):
         return jnp.minimum(distance, self.limit) ** 2 / len(observed.contours.centres)
 
     def _weight(self, near: Grazed) -> Float[Array, " rays"]:
-        weight = 1 / (1 + (near.distance / self.scale) ** 2) ** 2 * jnp.where(near.distance < 0, self.inner, 1.0)
+        squared = (near.distance / self.scale) ** 2
+        robust = 1 / (1 + squared) ** 2 if self.loss is None else self.loss.weight(squared)
+        weight = robust * jnp.where(near.distance < 0, self.inner, 1.0)
         return weight / len(weight)
 
     def _nearest(self, body: PlacedBody, observed: Observed) -> tuple[Float[Array, "capsules 2 3"], Grazed]:
