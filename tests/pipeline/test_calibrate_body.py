@@ -124,7 +124,7 @@ def test_a_realistic_body_from_a_template_that_is_too_tall():
     recording = read_recording(SEQUENCE)[::5]
     true = recording.skeleton
     assert true is not None
-    found = calibrate_body(recording, skeleton=default_adult(1.08 * true.stature), frames=12)
+    found = calibrate_body(recording, skeleton=default_adult(1.08 * true.stature), frames=8)
     off = np.abs(found.skeleton.bone_lengths / true.bone_lengths - 1)
     assert off.max() < 0.06
     assert jax.tree.all(jax.tree.map(lambda a: bool(np.isfinite(a).all()), found.body))
@@ -132,7 +132,7 @@ def test_a_realistic_body_from_a_template_that_is_too_tall():
 
 def test_flesh_around_known_joints_is_measured(tmp_path):
     # A person made of the body's own capsules, so that the calibration must find exactly these.
-    recording, motion = film_person(PERSON, 16)
+    recording, motion = film_person(PERSON, 10)
     joints, tips = (np.asarray(a, np.float64) for a in place_joints(PERSON.skeleton, motion))
     known = eqx.tree_at(lambda r: r.truth, recording, Truth(joints, tips))
     path = tmp_path / "person.npz"
