@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 import submitit
+from support.command_line import jaxskel
 from support.slurm_node import SlurmNode, reason_to_skip, running, until
 from support.slurm_tasks import square, wait_for_go
 
@@ -125,9 +126,11 @@ def test_a_batch_of_a_dozen_as_an_array_with_a_task_killed_and_put_back(slurm, t
     for number in range(12):
         write_recording(tmp_path / "data" / f"walk{number:02d}.npz", scene)
     out = tmp_path / "out"
-    command = [sys.executable, "-c", "from jaxskel.cli import main; main()", "batch", "data", "-o", "out"]
-    command += ["--preset", "paper", "--slurm", "3"]
-    sent = subprocess.run(command, cwd=tmp_path, env=slurm.environment, capture_output=True, text=True, timeout=60)
+    start = [sys.executable, "-c", "from jaxskel.cli import main; main()"]
+    command = ["batch", "data", "-o", "out", "--preset", "paper", "--slurm", "3"]
+    sent = subprocess.run(
+        [*start, *command], cwd=tmp_path, env=slurm.environment, capture_output=True, text=True, timeout=120
+    )
     assert sent.returncode == 0, sent.stderr
     job = re.fullmatch(r"out: 12 of 12 recordings in 3 tasks of Slurm job (\d+); .*\n", sent.stdout)[1]
     # The third recording is walk02: that task has begun, and is not at its end.
@@ -144,5 +147,5 @@ def test_a_batch_of_a_dozen_as_an_array_with_a_task_killed_and_put_back(slurm, t
     assert all((out / name / "manifest.json").read_bytes() == content for name, content in before.items())
     said = "".join(path.read_text() for path in (out / ".slurm").glob("*_log.out"))
     assert sorted(re.findall(r"\] (walk\d\d): 2 frames", said)) == sorted(found)
-    again = subprocess.run(command, cwd=tmp_path, env=slurm.environment, capture_output=True, text=True, timeout=60)
+    again = jaxskel(*command, cwd=tmp_path)
     assert again.stdout == "out: 12 recordings, all done before\n"
