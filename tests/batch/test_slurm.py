@@ -134,7 +134,8 @@ def test_a_batch_of_a_dozen_as_an_array_with_a_task_killed_and_put_back(slurm, t
     assert sent.returncode == 0, sent.stderr
     job = re.fullmatch(r"out: 12 of 12 recordings in 3 tasks of Slurm job (\d+); .*\n", sent.stdout)[1]
     # The third recording is walk02: that task has begun, and is not at its end.
-    until(lambda: (out / "walk02").exists(), "a recording of the third task", 300)
+    told = out / ".slurm" / f"{job}_2_0_log.out"
+    until(lambda: told.exists() and "walk02: 2 frames" in told.read_text(), "a recording of the third task", 300)
     slurm.kill(f"{job}_2")
     slurm.wait_until(f"{job}_2", "FAILED")
     before = {path.parent.name: path.read_bytes() for path in out.glob("*/manifest.json")}
