@@ -11,8 +11,10 @@ import argparse
 import random
 import shutil
 import statistics
+import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -35,9 +37,9 @@ def survive(work: Path, recordings: int, kills: int, options: list[str]) -> bool
     chance, finished = random.Random(0), {}
     twice = 0
     for number in range(kills):
-        with started(*options, inputs=data, output=killed):
-            # Kill times from before the first recording until many recordings are done.
-            time.sleep(chance.uniform(0.1, 1.8 * seconds / kills))
+        with started(*options, inputs=data, output=killed) as run, suppress(subprocess.TimeoutExpired):
+            # Kill times from before the first recording until many recordings are done, or all are.
+            run.wait(chance.uniform(0.1, 1.8 * seconds / kills))
         now = {path.parent.name: path.read_bytes() for path in killed.glob("*/manifest.json")}
         twice += sum(now.get(name) != content for name, content in finished.items())
         print(f"killed {number + 1}: {len(now)} recordings are done, {len(now) - len(finished)} of them since the last")

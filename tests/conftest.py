@@ -41,6 +41,21 @@ def pytest_unconfigure(config: pytest.Config) -> None:
         shutil.rmtree(config.stash[OWN_FOLDER], ignore_errors=True)
 
 
+# Files that take longest: begun last, one of them would keep a single process busy at the end.
+LONGEST = (
+    "test_real_recordings.py", "test_slurm.py", "test_batch.py", "test_calibrate_body.py", "test_sequence.py",
+    "test_cli.py", "test_refine_cameras.py", "test_stream.py", "test_fisheye_pipeline.py", "test_shared.py",
+    "test_found_subject.py", "test_readme.py", "test_table.py", "test_benchmark_scripts.py", "test_pipeline.py",
+    "test_statuses.py", "test_stored.py", "test_learn.py", "test_volume.py", "test_gradients.py", "test_warm_up.py",
+)  # fmt: skip
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The longest files first; the others stay in their order."""
+    rank = {name: number for number, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: rank.get(item.path.name, len(rank)))
+
+
 @pytest.fixture(autouse=True, scope="session")
 def no_silent_broadcasting():
     """The classic bug of geometry: a vector meets a stack of vectors, and every shape still fits."""

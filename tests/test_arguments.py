@@ -174,6 +174,7 @@ def test_a_parameter_that_happens_to_have_as_many_rows_is_none_of_frames():
     assert refined(objective=paper_objective().plus(some=from_function(weighted, weights))).finite.all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("of", [js.refine_frames, js.refine_sequence])
 def test_data_of_each_frame_reach_the_terms_and_gaps_are_none(of):
     problem = given().problem
@@ -192,6 +193,7 @@ def test_data_of_each_frame_reach_the_terms_and_gaps_are_none(of):
     assert found.finite.all()
 
 
+@pytest.mark.slow
 def test_a_term_with_python_floats_works_in_a_whole_reconstruction_and_compiles_once():
     class Height(js.terms.AbstractTerm):
         weight: float

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.command_line import jaxskel
 
 from jaxskel import paper_settings
 from jaxskel._runtime.worker_processes import signals_ignored
@@ -26,7 +27,7 @@ from jaxskel.synthetic import camera_ring, make_scene
 
 pytestmark = pytest.mark.slow
 
-FRAMES = 70  # three batches
+FRAMES = 40  # two batches
 NAMES = ("walk0", "walk1", "walk2", "walk3")
 
 
@@ -91,8 +92,7 @@ def test_what_breaks_is_told_and_the_others_are_done(ran):
 
 def test_the_summary_is_a_table_of_all(ran):
     out, _ = ran
-    start = [sys.executable, "-c", "from jaxskel.cli import main; main()", "summary", str(out)]
-    done = subprocess.run(start, capture_output=True, text=True, timeout=60)
+    done = jaxskel("summary", out, cwd=out.parent)
     assert done.returncode == 0
     posed = {name: int(read_poses(out / name / "poses.npz").has_pose.sum()) for name in NAMES}
     counts = f"9 recordings (4 done, 1 no pose, 4 failed), {5 * FRAMES - 6} frames, {sum(posed.values())} with a pose"
@@ -205,8 +205,8 @@ def test_a_process_that_dies_harms_its_own_recording_only(data, tmp_path):
         (["--subject", "gone.toml"], "gone.toml: cannot be opened"),
     ],
 )
-def test_refused_before_any_work(data, compiled, tmp_path, more, told):
-    done = batch(data, tmp_path / "out", compiled, *more)
+def test_refused_before_any_work(data, tmp_path, more, told):
+    done = jaxskel("batch", data, "-o", "out", "--preset", "paper", *more, cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr.startswith(f"jaxskel: {told}")
     assert not (tmp_path / "out").exists()

@@ -86,6 +86,7 @@ CHANGES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", CHANGES)
 def test_changed_once_it_is_started_over_and_changed_again_it_fails(folder, kind):
     source, output, batches = folder

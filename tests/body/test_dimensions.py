@@ -82,6 +82,7 @@ def test_unknowns_in_a_row_and_back():
     np.testing.assert_array_equal(Shape.of(vector).vector, vector)
 
 
+@pytest.mark.slow
 def test_derivative_of_a_body_is_that_of_finite_differences():
     vector, direction = np.random.default_rng(1).normal(size=(2, len(QUANTITIES))) * 0.02
 

@@ -1,15 +1,19 @@
-"""The commands that make recordings out of folders, and what others do with such folders."""
+"""Commands that make recordings out of folders, what others do with these, and with recordings of hardly anybody."""
+
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 from support.command_line import jaxskel
+from support.recordings import with_masks
 
-from jaxskel import unpack_silhouettes
+from jaxskel import Status, unpack_silhouettes
 from jaxskel.cameras import compare_rigs
 from jaxskel.io.calibrations import read_calibration, write_calibration, write_pose2sim_calibration
-from jaxskel.io.recordings import read_recording
-from jaxskel.synthetic import make_scene
+from jaxskel.io.poses import read_poses
+from jaxskel.io.recordings import read_recording, write_recording
+from jaxskel.synthetic import camera_ring, make_scene
 
 
 @pytest.fixture(scope="module")
@@ -108,3 +112,44 @@ def test_a_world_with_another_axis_up_keeps_it_in_a_file_that_can(folder):
     done = jaxskel("refine-cameras", folder, "-o", "refined.npz", cwd=folder)
     assert done.returncode == 0, done.stderr
     assert read_calibration(folder / "refined.npz").up == "-Y"
+
+
+@pytest.fixture(scope="module")
+def lonely(tmp_path_factory) -> Path:
+    """Small recordings with hardly anybody in them."""
+    folder = tmp_path_factory.mktemp("lonely")
+    scene = make_scene(33, cameras=camera_ring(4, size=(160, 120)))
+    black = np.zeros_like(scene.silhouettes)
+    last, one_view = black.copy(), black.copy()
+    last[32], one_view[:, 1] = scene.silhouettes[32], scene.silhouettes[:, 1]
+    for name, masks in (("black", black), ("last", last), ("one view", one_view), ("one", scene.silhouettes)):
+        write_recording(folder / f"{name}.npz", with_masks(scene, masks)[: 1 if name == "one" else 33])
+        done = jaxskel("run", f"{name}.npz", "-o", name, "--preset", "paper", cwd=folder)
+        assert done.returncode == (0 if name in ("last", "one") else 1), done.stderr
+        assert f"{33 - 32 * (name == 'one')} frames, {int(name in ('last', 'one'))} with a pose" in done.stdout
+    return folder
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["black", "one view", "last", "one"])
+def test_every_command_takes_recordings_with_hardly_anybody(lonely, name):
+    someone, poses = name in ("last", "one"), f"{name}/poses.npz"
+    status = set(read_poses(lonely / poses).status[:32].tolist())
+    wanted = {"black": Status.EMPTY, "one view": Status.TOO_FEW_VIEWS, "last": Status.EMPTY, "one": Status.OK}
+    assert status == {int(wanted[name])}
+    here = f"{name}.npz"
+    ends = {
+        ("report", here, poses, "-o", f"{name}.html"): 0 if someone else 1,
+        ("export", poses, f"{name}.trc", f"{name}.csv"): 0 if someone else 1,
+        ("export", poses, f"{name}.bvh"): 0 if someone else 2,
+        ("evaluate", poses, here, "-o", f"{name} score"): 0 if someone else 1,
+        ("check", here, "-o", f"{name}.png"): 0 if someone else 2,
+        ("refine-cameras", here, "-o", f"{name}.toml"): 0 if someone else 2,
+        ("calibrate-body", here, "-o", f"{name} subject.toml"): 2,
+    }
+    for arguments, code in ends.items():
+        done = jaxskel(*arguments, cwd=lonely)
+        assert (arguments[0], done.returncode, done.stderr) == (arguments[0], code, done.stderr)
+        assert ("no frame has a pose" in done.stderr) == (
+            not someone and arguments[0] in ("report", "export", "evaluate")
+        )

@@ -90,6 +90,7 @@ def test_consistent_masks_need_no_misses(scene, chosen):
     assert judged(seen_by(scene, chosen)) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chosen", [range(8), [0, 1, 3, 4, 6, 7], [0, 2, 4, 6]], ids=len)
 def test_holes_in_all_views_are_voted_away(scene, chosen):
     clean = seen_by(scene, chosen)

@@ -191,6 +191,7 @@ def read_clip(path):
     return read_asf_amc(path.with_name(path.name[:2] + ".asf"), path)
 
 
+@pytest.mark.slow
 @needs_cmu
 @pytest.mark.parametrize("path", sorted(CMU.glob("*.amc")) + sorted(CMU.glob("*.bvh")), ids=lambda path: path.name)
 def test_cmu_clip(path):

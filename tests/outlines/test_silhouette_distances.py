@@ -175,6 +175,7 @@ def test_rigs_of_similar_size_and_images_of_any_shape_share_compiled_code():
     assert [(a.shape, a.dtype) for a in jax.tree.leaves(few)] == [(a.shape, a.dtype) for a in jax.tree.leaves(many)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [3, 5, 9])
 def test_blind_cameras_fill_up_the_rig_and_tell_nothing(count):
     sizes = [(40 + 8 * view, 30) for view in range(count)]
@@ -221,6 +222,7 @@ def seen_by_lenses() -> SilhouetteDistances:
     return jax.tree.map(lambda a: jnp.asarray(a)[0], found)
 
 
+@pytest.mark.slow
 def test_the_gradient_is_that_of_the_interpolated_distance():
     found = seen_by_lenses()
     points = jnp.asarray(np.random.default_rng(0).normal([0, 0, 0.9], 0.4, (60, 3)), jnp.float32)

@@ -28,12 +28,10 @@ from jaxskel.pipeline._calibrate_body import _look, _turning
 
 pytestmark = pytest.mark.slow
 
-PERSON = other_person()
-
 
 @pytest.fixture(scope="module")
 def filmed():
-    return film_person(PERSON, 16)[0]
+    return film_person(other_person(), 16)[0]
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +45,7 @@ def found(filmed, stages):
 
 
 def test_lengths_of_another_person_are_found(found):
-    true, usual = lengths_of(PERSON.skeleton), lengths_of(default_adult(PERSON.skeleton.stature))
+    true, usual = lengths_of(other_person().skeleton), lengths_of(default_adult(other_person().skeleton.stature))
     measured = np.array([found.lengths[name].length for name in LENGTH_NAMES])
     off, before = np.abs(measured / true - 1), np.abs(usual / true - 1)
     bones = slice(0, 8)
@@ -63,7 +61,7 @@ def test_lengths_of_another_person_are_found(found):
 def test_the_size_of_the_template_does_not_count(filmed, size):
     template, _ = _look(filmed, Settings(hull=HullSettings(max_misses=0)), ADULT.scaled(size), 16)
     np.testing.assert_allclose(template.rest_joints, ADULT.scaled(template.stature / ADULT.stature).rest_joints)
-    assert template.stature == pytest.approx(PERSON.skeleton.stature, rel=0.04)
+    assert template.stature == pytest.approx(other_person().skeleton.stature, rel=0.04)
 
 
 def test_the_body_explains_the_outlines(found):
@@ -124,7 +122,7 @@ def test_a_realistic_body_from_a_template_that_is_too_tall():
     recording = read_recording(SEQUENCE)[::5]
     true = recording.skeleton
     assert true is not None
-    found = calibrate_body(recording, skeleton=default_adult(1.08 * true.stature), frames=12)
+    found = calibrate_body(recording, skeleton=default_adult(1.08 * true.stature), frames=8)
     off = np.abs(found.skeleton.bone_lengths / true.bone_lengths - 1)
     assert off.max() < 0.06
     assert jax.tree.all(jax.tree.map(lambda a: bool(np.isfinite(a).all()), found.body))
@@ -132,16 +130,16 @@ def test_a_realistic_body_from_a_template_that_is_too_tall():
 
 def test_flesh_around_known_joints_is_measured(tmp_path):
     # A person made of the body's own capsules, so that the calibration must find exactly these.
-    recording, motion = film_person(PERSON, 16)
-    joints, tips = (np.asarray(a, np.float64) for a in place_joints(PERSON.skeleton, motion))
+    recording, motion = film_person(other_person(), 10)
+    joints, tips = (np.asarray(a, np.float64) for a in place_joints(other_person().skeleton, motion))
     known = eqx.tree_at(lambda r: r.truth, recording, Truth(joints, tips))
     path = tmp_path / "person.npz"
     write_recording(path, known)
     vector = measured(path)
-    shape, height = Shape.of(vector), PERSON.skeleton.stature
-    expected = lengths_of(PERSON.skeleton) / lengths_of(default_adult(height))
+    shape, height = Shape.of(vector), other_person().skeleton.stature
+    expected = lengths_of(other_person().skeleton) / lengths_of(default_adult(height))
     np.testing.assert_allclose(np.exp(shape.lengths)[:8], expected[:8], rtol=1e-3)
-    own, average = np.asarray(PERSON.radii), np.asarray(make_body(default_adult(height)).radii)
+    own, average = np.asarray(other_person().radii), np.asarray(make_body(default_adult(height)).radii)
     for name in ("waist", "chest", "seat", "hip", "knee", "calf", "crown"):
         # Images are coarse: a pixel is 12 mm wide.
         ball = BALL_NAMES.index(name if name in BALL_NAMES else f"l_{name}")

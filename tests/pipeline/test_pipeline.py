@@ -205,6 +205,7 @@ def test_moved_world_gives_the_moved_pose_by_the_graph(scene, of_graph, axis, an
     assert (d.max(1) < 80).mean() > 0.8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("up", ["+Z", "-Y"])
 def test_box_can_be_given_in_the_world_of_the_recording(scene, of_graph, up):
     turn = {"+Z": Rotation.identity(), "-Y": Rotation.from_euler("x", 90, degrees=True)}[up].as_matrix()

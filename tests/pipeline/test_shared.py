@@ -37,7 +37,7 @@ def test_a_realistic_body_with_free_arms():
 @needs(REAL)
 def test_a_real_person_of_unknown_dimensions_stands_upright_on_the_floor():
     # World +Y up, floor at y = 0; arms lifted in wide sleeves, one knee up.
-    prepared, poses = run(read_recording(REAL)[:96:12])
+    prepared, poses = run(read_recording(REAL)[:96:24])
     assert not prepared.skeleton_is_known
     assert poses.has_pose.all()
     joints = poses.joints

@@ -193,6 +193,7 @@ def test_at_the_base_pose_the_residual_is_the_dense_sum_and_so_is_its_gradient(f
         np.testing.assert_allclose(gradient, expected, atol=1e-4 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 def test_jacobian_is_that_of_finite_differences(filmed):
     term, skeleton, base, seen = filmed
     with jax.enable_x64(True):

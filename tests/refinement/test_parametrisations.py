@@ -106,6 +106,7 @@ def test_whole_bones_are_exact_where_hands_and_feet_do_not_turn(seed):
     np.testing.assert_allclose(np.linalg.norm(tips - joints[list(TIP_PARENTS)], axis=1), ADULT.tip_lengths, atol=2e-6)
 
 
+@pytest.mark.slow
 @every
 @pytest.mark.parametrize("at", ["base", "away"])
 def test_the_derivative_is_finite_differences(name, at):
@@ -127,6 +128,7 @@ def test_the_derivative_is_finite_differences(name, at):
         assert moved.max() < 2.0
 
 
+@pytest.mark.slow
 @every
 def test_what_the_unknowns_reach_depends_on_base_and_template_too(name):
     parametrisation, count = ALL[name]

@@ -155,6 +155,7 @@ def test_a_gap_is_bridged_and_told():
     assert np.isnan(np.asarray(result.costs["nodes"])[gap[2]])
 
 
+@pytest.mark.slow
 def test_a_sequence_without_any_pose_gives_back_what_it_got():
     nothing = eqx.tree_at(lambda p: p.root, INITIAL, jnp.full_like(INITIAL.root, jnp.nan))
     result = refined(smooth(0.01), markers(0.0), nothing)

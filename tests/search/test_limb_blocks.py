@@ -27,6 +27,7 @@ BODIES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BODIES)
 def test_they_are_those_of_the_whole_jacobian(name):
     rng = np.random.default_rng(0)

@@ -101,6 +101,7 @@ def test_the_fallback_is_used_where_starts_fail(filmed):
     assert farthest(joints, filmed.joints[standing]).max() < 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("names", [("l_arm", "r_arm"), ("l_leg", "r_leg"), ("r_arm",)])
 def test_limbs_that_are_freed_are_found_again(filmed, names):
     # This does not depend on where the limbs were: here all are as in the table's first row.

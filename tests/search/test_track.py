@@ -67,6 +67,7 @@ def test_starts_are_asked_for_only_where_it_is_searched_and_tell_the_sides_until
     np.testing.assert_allclose(sides, [0.9] * 3 + [0.63] * 6)
 
 
+@pytest.mark.slow
 def test_wrong_arms_are_right_again_at_the_next_frame(filmed):
     wrong = some(filmed.truth, 0)
     rotations = np.array(wrong.rotations)

@@ -192,6 +192,7 @@ def test_a_grey_room_is_no_backdrop():
         backdrop_of([])
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not UTRECHT.exists(), reason="needs real/utrecht_horseman in ../shared/data")
 @pytest.mark.parametrize("camera", [1, 2, 3, 4])
 def test_a_real_person_before_a_plate_of_another_film(camera):

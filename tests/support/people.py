@@ -1,5 +1,7 @@
 """A person with individual proportions, made of capsules and filmed, for tests of body calibration."""
 
+from functools import cache
+
 import numpy as np
 
 from jaxskel import Recording, default_adult
@@ -12,6 +14,7 @@ ADULT = default_adult()
 _STOUTER = 0.008  # m, at waist and chest
 
 
+@cache
 def other_person() -> Body:
     """A typical adult, but with more flesh at waist and chest."""
     body = draw_adult(1, 1.78)

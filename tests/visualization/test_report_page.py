@@ -266,6 +266,7 @@ def _written(path: Path, recording: Recording, poses: Poses, limit: int) -> str:
     return path.read_text("utf-8")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not REAL.exists(), reason="needs real/vlasic_crane/vlasic_crane.npz in ../shared/data")
 def test_a_real_recording_of_eight_large_views_plays_from_a_small_page(driver, tmp_path):
     real = read_recording(REAL)
