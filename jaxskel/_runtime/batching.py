@@ -48,11 +48,11 @@ def take(tree: Any, index: Int[np.ndarray, "*some"] | Bool[np.ndarray, "*all"]) 
 def padded(tree: Any, length: int) -> Any:
     """A stack in single precision, padded with its first member so that every batch has the same shapes."""
 
-    def pad(a: np.ndarray) -> np.ndarray:
+    def pad(a: np.ndarray | jax.Array) -> np.ndarray | jax.Array:
         if len(a) == length:
             return a
         whole = aligned((length, *a.shape[1:]), a.dtype)
-        whole[: len(a)], whole[len(a) :] = a, a[0] if len(a) else 0
+        whole[: len(a)], whole[len(a) :] = np.asarray(a), np.asarray(a[0]) if len(a) else 0
         return whole
 
     return jax.tree.map(pad, single_precision(tree))

@@ -23,7 +23,7 @@ def trusted_gradient(value: Float[Array, "*shape"], converged: Bool[Array, ""]) 
 
 
 @trusted_gradient.defjvp
-def _(primals: tuple[Array, Array], tangents: tuple[Array, Array]) -> tuple[Array, Array]:
+def _(primals: tuple[Any, Any], tangents: tuple[Any, Any]) -> tuple[Array, Array]:
     value, converged = primals
     return value, _trusted.bind(tangents[0], jnp.broadcast_to(converged, value.shape))
 

@@ -8,6 +8,7 @@ import pytest
 from support.phantoms import ideal_graph, pose_of
 
 from jaxskel import default_adult
+from jaxskel._runtime.batching import single_precision
 from jaxskel.refinement import refine_frame
 from jaxskel.refinement.parametrisations import ExactBones
 from jaxskel.refinement.solvers import NormalEquationsLM
@@ -49,11 +50,11 @@ def problem():
 
 def test_a_solve_that_has_not_converged_has_no_gradient():
     pose = pose_of(3, 0.3)
-    observed, start = ideal_graph(ADULT, pose), pose_of(4, 0.3)
+    observed, start, adult = single_precision((ideal_graph(ADULT, pose), pose_of(4, 0.3), ADULT))
 
     def away(weight):
         objective = paper_objective().weighted(rest=weight)
-        found = refine_frame(objective, BONES, NormalEquationsLM(rtol=1e-9, atol=1e-9), ADULT, start, observed, 1, 2)
+        found = refine_frame(objective, BONES, NormalEquationsLM(rtol=1e-9, atol=1e-9), adult, start, observed, 1, 2)
         return (found.joints**2).sum(), found.converged
 
     slope, converged = jax.grad(away, has_aux=True)(2.0)
