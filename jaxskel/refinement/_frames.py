@@ -92,7 +92,8 @@ def refine_frame(
 
     start = parametrisation.begin(in_precision_of(parametrisation.unknowns(), initial), skeleton)
     base, (converged, steps, covariance) = jax.lax.scan(one_round, start, None, length=rounds)
-    base, spreads = jax.tree.map(lambda a: trusted_gradient(a, converged[-1]), (base, covariance[-1]))
+    inputs = objective, parametrisation, skeleton, observed
+    base, spreads = trusted_gradient((base, covariance[-1]), converged[-1], inputs)
     costs = objective.costs(parametrisation.placed(base, skeleton), observed)
     costs |= {name: (rows**2).sum() for name, rows in parametrisation.constraint_residuals(base, skeleton).items()}
     # With NaN data the solver stays at its start: the pose is finite then, but its costs are not.

@@ -13,7 +13,9 @@ AT = jnp.array([1.0, 2.0, 3.0])
 
 def squares(x):
     """The squares of three frames, as if each were solved for; the second has not converged."""
-    return jax.lax.map(lambda each: trusted_gradient(each[0] ** 2, each[1]), (x, CONVERGED), batch_size=2)
+    return jax.lax.map(
+        lambda each: trusted_gradient(each[0] ** 2, each[1], {"x": each[0], "count": 3}), (x, CONVERGED), batch_size=2
+    )
 
 
 def trusted(x):
@@ -42,3 +44,26 @@ def test_second_derivatives_too():
 def test_several_weights_at_once():
     slopes = jax.vmap(jax.grad(lambda weight: trusted(weight * AT)))(jnp.array([1.0, 2.0]))
     np.testing.assert_allclose(slopes, [20.0, 40.0])
+
+
+def test_changes_that_cancel_out_are_changes():
+    def turned(angle):
+        point = angle * jnp.array([1.0, -1.0])
+        return trusted_gradient(point, jnp.asarray(False), point)
+
+    assert np.isnan(jax.jacfwd(turned)(0.3)).all()
+    assert np.isnan(jax.jacrev(turned)(0.3)).all()
+
+
+def test_nothing_goes_through_what_has_not_converged():
+    """The solve itself is given no NaN: its own derivative would refuse it."""
+
+    @jax.custom_vjp
+    def solve(x):
+        return x**2
+
+    seen = []
+    solve.defvjp(lambda x: (x**2, x), lambda x, g: (seen.append(g), (2 * x * g,))[1])
+    slope = jax.grad(lambda x: trusted_gradient(solve(x), jnp.asarray(False), x))(jnp.asarray(3.0))
+    assert np.isnan(slope)
+    assert [float(g) for g in seen] == [0.0]
