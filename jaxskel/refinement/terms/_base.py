@@ -46,7 +46,7 @@ class Observed(eqx.Module):
 
     def with_data(self, /, **data: Any) -> "Observed":
         """The same with more data, for terms of your own: arrays with the frames axis first, NaN where missing."""
-        found = {name: jnp.asarray(array, jnp.float32) for name, array in data.items()}
+        found = {name: jnp.asarray(array, jnp.result_type(float)) for name, array in data.items()}
         frames = self.neck.shape[:-1]
         for name, array in found.items():
             if array.shape[: len(frames)] != frames:
