@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -116,6 +117,20 @@ def test_a_face_says_what_it_is(room):
     # A face holds names, not code.
     body = ast.parse(face.read_bytes()).body[1:]
     assert all(isinstance(node, ast.Import | ast.ImportFrom) for node in body)
+
+
+def test_fields_are_described_where_help_shows_them():
+    """A text below a field is seen by nobody who asks `help`; it belongs under Attributes in the class."""
+    below = [
+        f"{name_of(path)}: {before.target.id}"
+        for path in FILES
+        for node in ast.walk(ast.parse(path.read_bytes()))
+        if isinstance(node, ast.ClassDef)
+        for before, text in pairwise(node.body)
+        if isinstance(before, ast.AnnAssign) and isinstance(before.target, ast.Name)
+        if isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant)
+    ]
+    assert below == []
 
 
 def test_no_file_and_no_room_is_too_large():

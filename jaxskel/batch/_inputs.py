@@ -14,13 +14,16 @@ _BLOCK = 1 << 22
 
 @dataclass(frozen=True)
 class Input:
-    """State of a file, or of a folder of files, when it was read."""
+    """State of a file, or of a folder of files, when it was read.
+
+    Attributes:
+        stamp: Digest of names, sizes and times: if it is the same, the contents are taken to be the same.
+        sha256: Digest of names and contents.
+    """
 
     bytes: int
     stamp: str
-    """Digest of names, sizes and times: if it is the same, the contents are taken to be the same."""
     sha256: str
-    """Digest of names and contents."""
 
 
 def read_inputs(

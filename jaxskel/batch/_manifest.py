@@ -51,29 +51,32 @@ class Work:
 
 @dataclass(frozen=True)
 class Manifest:
-    """The inputs, method and outcome of a result."""
+    """The inputs, method and outcome of a result.
+
+    Attributes:
+        problem: The problem, in one line.
+        trace: Traceback of an unexpected error.
+        counts: Number of frames of each status.
+        seconds: Time of each part of the work (s).
+        request: Name of the request to compute again for which it was made; empty if there was none.
+        resumed: Frames that were already done when the work was last resumed.
+        results: The files of the result; empty in manifests of versions that did not record them.
+        note: Further remarks, in one line.
+    """
 
     outcome: Outcome
     work: Work
     problem: str | None = None
-    """The problem, in one line."""
     trace: str | None = None
-    """Traceback of an unexpected error."""
     frames: int = 0
     with_pose: int = 0
     counts: Mapping[str, int] = field(default_factory=dict)
-    """Number of frames of each status."""
     confidence: float | None = None
     seconds: Mapping[str, float] = field(default_factory=dict)
-    """Time of each part of the work (s)."""
     request: str = ""
-    """Name of the request to compute again for which it was made; empty if there was none."""
     resumed: int = 0
-    """Frames that were already done when the work was last resumed."""
     results: Mapping[str, Input] = field(default_factory=dict)
-    """The files of the result; empty in manifests of versions that did not record them."""
     note: str = ""
-    """Further remarks, in one line."""
     finished: str = ""
     host: str = ""
     libraries: Mapping[str, str] = field(default_factory=dict)

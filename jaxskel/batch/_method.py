@@ -19,15 +19,18 @@ _Given = TypeVar("_Given", Recording, Volumes)
 
 @dataclass(frozen=True)
 class Method:
-    """The method that reconstructs the recordings of a batch. It is sent to other processes, so it must be pickled."""
+    """The method that reconstructs the recordings of a batch. It is sent to other processes, so it must be pickled.
+
+    Attributes:
+        smooth_hz: Cutoff of the low-pass filter applied to the poses (Hz); None: not filtered.
+        subject: TOML file with the dimensions of the one subject of all recordings; None: each has its own, or none.
+        anyway: Whether to reconstruct even recordings whose views contradict each other too much.
+    """
 
     settings: Settings = field(default_factory=Settings)
     smooth_hz: float | None = None
-    """Cutoff of the low-pass filter applied to the poses (Hz); None: not filtered."""
     subject: Path | None = None
-    """TOML file with the dimensions of the one subject of all recordings; None: each has its own, or none."""
     anyway: bool = False
-    """Whether to reconstruct even recordings whose views contradict each other too much."""
 
     def read(self, source: Path) -> Recording:
         """Read a recording, with the subject if one is given."""

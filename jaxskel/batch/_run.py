@@ -14,10 +14,13 @@ from ._workers import TIMEOUT, Finished, Progress, work_on
 
 @dataclass(frozen=True)
 class Shard:
-    """One of several equal parts of a batch."""
+    """One of several equal parts of a batch.
+
+    Attributes:
+        number: Number of the part, from 1.
+    """
 
     number: int
-    """Number of the part, from 1."""
     of: int
 
     def __post_init__(self) -> None:
@@ -32,12 +35,15 @@ class Shard:
 
 @dataclass(frozen=True)
 class BatchResult:
-    """Outcomes of the recordings of a batch."""
+    """Outcomes of the recordings of a batch.
+
+    Attributes:
+        before: Manifests of recordings that were done before, by name.
+        now: Manifests of recordings processed now, by name.
+    """
 
     before: dict[str, Manifest]
-    """Manifests of recordings that were done before, by name."""
     now: dict[str, Manifest]
-    """Manifests of recordings processed now, by name."""
 
     @property
     def unsuccessful(self) -> dict[str, Manifest]:

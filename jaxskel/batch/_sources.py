@@ -15,14 +15,17 @@ _LONGEST_LIST = 100_000_000  # bytes: a million long paths
 
 @dataclass(frozen=True)
 class Source:
-    """A recording of a batch."""
+    """A recording of a batch.
+
+    Attributes:
+        name: Name of its result's folder, unique in the batch; with ``/`` for recordings found in subfolders.
+        path: The sequence file, or the recording's folder.
+        listed_in: The list file that names it, if any.
+    """
 
     name: str
-    """Name of its result's folder, unique in the batch; with ``/`` for recordings found in subfolders."""
     path: Path
-    """The sequence file, or the recording's folder."""
     listed_in: Path | None = None
-    """The list file that names it, if any."""
 
 
 def find_sources(inputs: Iterable[str | Path]) -> list[Source]:

@@ -121,13 +121,16 @@ def _silent(timeout: float, doing: str, source: Source, code: int | None) -> str
 
 
 class _Worker(WorkerProcess):
-    """A process and the recording that it works on."""
+    """A process and the recording that it works on.
+
+    Attributes:
+        heard: When it last gave a sign of life.
+        doing: Its last reported activity.
+    """
 
     source: Source | None = None
     heard: float = 0.0
-    """When it last gave a sign of life."""
     doing: str = "starting"
-    """Its last reported activity."""
 
     def begin(self, source: Source | None) -> None:
         """Give the process a recording, or None if there is none left."""

@@ -97,30 +97,35 @@ _POINTS = JOINT_NAMES + TIP_NAMES + PIVOT_NAMES
 
 
 class _Places(NamedTuple):
-    """The average adult as arrays: one operation places all balls, which compiles faster than one per ball."""
+    """The average adult as arrays: one operation places all balls, which compiles faster than one per ball.
+
+    Attributes:
+        starts: Indices into `_POINTS`.
+        shifts: Fractions of the stature.
+        radii: Fractions of the stature.
+    """
 
     carriers: Int[np.ndarray, " balls"]
     starts: Int[np.ndarray, " balls"]
-    """Indices into `_POINTS`."""
     ends: Int[np.ndarray, " balls"]
     shares: Float[np.ndarray, "balls 1"]
     shifts: Float[np.ndarray, "balls 3"]
-    """Fractions of the stature."""
     radii: Float[np.ndarray, " balls"]
-    """Fractions of the stature."""
 
 
 class Body(eqx.Module):
     """Balls fixed to the segments of a skeleton, and the capsules between them. See [`make_body`][].
 
     The topology is static, because indices that the compiler knows cost nothing.
+
+    Attributes:
+        offsets: Centre of each ball at rest, relative to the point that its segment turns about (m, body frame).
+        radii: Radius of each ball (m).
     """
 
     skeleton: Skeleton
     offsets: Float[Array | np.ndarray, "balls 3"]
-    """Centre of each ball at rest, relative to the point that its segment turns about (m, body frame)."""
     radii: Float[Array | np.ndarray, " balls"]
-    """Radius of each ball (m)."""
     _segments: tuple[int, ...] = eqx.field(static=True)
     _links: tuple[tuple[int, int], ...] = eqx.field(static=True)
 

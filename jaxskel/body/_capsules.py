@@ -87,15 +87,18 @@ def nearest_capsule(
 
 
 class Grazed(eqx.Module):
-    """The nearest capsule of each ray."""
+    """The nearest capsule of each ray.
+
+    Attributes:
+        distance: Distance from the capsule's surface (m), negative if the ray passes through it.
+        part: Position along the capsule's axis (0..1).
+        normal: Unit vector from that position to the ray, perpendicular to the ray.
+    """
 
     capsule: Int[Array, " rays"]
     distance: Float[Array, " rays"]
-    """Distance from the capsule's surface (m), negative if the ray passes through it."""
     part: Float[Array, " rays"]
-    """Position along the capsule's axis (0..1)."""
     normal: Float[Array, "rays 3"]
-    """Unit vector from that position to the ray, perpendicular to the ray."""
 
 
 def nearest_to_rays(

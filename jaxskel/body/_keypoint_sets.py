@@ -41,6 +41,10 @@ MEANINGS = _MIDDLE | {
 class KeypointSet:
     """The keypoints of a detector, in its order.
 
+    Attributes:
+        points: Of each keypoint: shares of points of the skeleton, which sum up to one; empty if the skeleton has no
+            such point, as of eyes and ears.
+
     Raises:
         ValueError: One line, if the points are not weighted means of `POINT_NAMES`.
     """
@@ -48,8 +52,6 @@ class KeypointSet:
     name: str
     names: tuple[str, ...]
     points: tuple[Mapping[str, float], ...]
-    """Of each keypoint: shares of points of the skeleton, which sum up to one; empty if the skeleton has no such point,
-    as of eyes and ears."""
 
     def __post_init__(self):
         """Reject what is no set of weighted means."""

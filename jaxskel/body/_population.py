@@ -17,16 +17,19 @@ _GROWN = 1.5  # m
 
 
 class Population(NamedTuple):
-    """Statistics of a population, one entry per named quantity."""
+    """Statistics of a population, one entry per named quantity.
+
+    Attributes:
+        means: Lengths: logarithms relative to `default_adult` of the same stature. Flesh: relative to `make_body`, as
+            fractions of the stature.
+        axes: Common deviations of the quantities: one standard deviation along each axis.
+        rest: Standard deviation of the individual part of each quantity.
+    """
 
     names: tuple[str, ...]
     means: Float[np.ndarray, " quantities"]
-    """Lengths: logarithms relative to `default_adult` of the same stature. Flesh: relative to `make_body`, as fractions
-    of the stature."""
     axes: Float[np.ndarray, "quantities axes"]
-    """Common deviations of the quantities: one standard deviation along each axis."""
     rest: Float[np.ndarray, " quantities"]
-    """Standard deviation of the individual part of each quantity."""
 
 
 def adults() -> Population:

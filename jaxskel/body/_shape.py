@@ -41,14 +41,17 @@ _NO_PLAY = 1e-6  # fixed, but the covariance stays invertible
 
 
 class Shape(eqx.Module):
-    """Difference of a subject's body from the average body around a template; zeros mean no difference."""
+    """Difference of a subject's body from the average body around a template; zeros mean no difference.
+
+    Attributes:
+        lengths: Logarithm of each length, in the order of `LENGTH_NAMES`, relative to the template's.
+        fingers: Tilt of the left fingers to the front and to the left (tangents); the right fingers mirror it.
+        balls: Shift of each of `FREE_BALLS` (m, body frame), and increase of its radius (m).
+    """
 
     lengths: Float[Array | np.ndarray, "lengths=11"]
-    """Logarithm of each length, in the order of `LENGTH_NAMES`, relative to the template's."""
     fingers: Float[Array | np.ndarray, "2"]
-    """Tilt of the left fingers to the front and to the left (tangents); the right fingers mirror it."""
     balls: Float[Array | np.ndarray, "free=23 4"]
-    """Shift of each of `FREE_BALLS` (m, body frame), and increase of its radius (m)."""
 
     @classmethod
     def of(cls, vector: Float[Array | np.ndarray, " unknowns"]) -> "Shape":
@@ -100,11 +103,14 @@ def measured_body(template: Skeleton, shape: Shape) -> Body:
 
 
 class Prior(NamedTuple):
-    """Prior knowledge of a subject's dimensions."""
+    """Prior knowledge of a subject's dimensions.
+
+    Attributes:
+        precision: Inverse covariance of the vector of unknowns; the common scale of all lengths is unconstrained.
+    """
 
     mean: Shape
     precision: Float[np.ndarray, "unknowns unknowns"]
-    """Inverse covariance of the vector of unknowns; the common scale of all lengths is unconstrained."""
 
 
 def population_prior(table: Population, template: Skeleton) -> Prior:

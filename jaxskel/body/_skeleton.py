@@ -94,12 +94,14 @@ class Skeleton(eqx.Module):
     """The subject's known dimensions: joints and tips at rest.
 
     Body frame: x to the front, y to the left, z up, the pelvis at the origin, metres.
+
+    Attributes:
+        rest_joints: Joints at rest (m), in the order of `JOINT_NAMES`.
+        rest_tips: Limb tips at rest (m), in the order of `TIP_NAMES`.
     """
 
     rest_joints: Float[Array | np.ndarray, "joints=15 3"]
-    """Joints at rest (m), in the order of `JOINT_NAMES`."""
     rest_tips: Float[Array | np.ndarray, "tips=5 3"]
-    """Limb tips at rest (m), in the order of `TIP_NAMES`."""
 
     @property
     def bone_lengths(self) -> Float[np.ndarray, "bones=14"]:
@@ -155,12 +157,15 @@ def stretched(skeleton: Skeleton, factors: Float[Array, "bones=14"]) -> Skeleton
 
 
 class Pose(eqx.Module):
-    """Position of the pelvis and rotation of each segment, relative to the template at rest."""
+    """Position of the pelvis and rotation of each segment, relative to the template at rest.
+
+    Attributes:
+        root: Pelvis in the world (m).
+        rotations: Rotation of each segment from the body frame at rest to the world.
+    """
 
     root: Float[Array | np.ndarray, "*frames 3"]
-    """Pelvis in the world (m)."""
     rotations: Float[Array | np.ndarray, "*frames segments=17 3 3"]
-    """Rotation of each segment from the body frame at rest to the world."""
 
 
 def make_skeleton(rest_joints: np.ndarray, rest_tips: np.ndarray) -> Skeleton:

@@ -70,31 +70,37 @@ _ALIKE = 4
 
 
 class Adjusted(NamedTuple):
-    """Result of one or several steps."""
+    """Result of one or several steps.
+
+    Attributes:
+        poses: Axis ``frames``.
+        covariance: Covariance of the logarithms of the lengths.
+        change: Largest change of a length in the last step, as a share of the length.
+        clothes: Root mean square of what clothes add to the radii of the body (m).
+    """
 
     shape: Shape
     poses: Pose
-    """Axis ``frames``."""
     covariance: Float[np.ndarray, "lengths=11 lengths=11"]
-    """Covariance of the logarithms of the lengths."""
     change: float
-    """Largest change of a length in the last step, as a share of the length."""
     clothes: float
-    """Root mean square of what clothes add to the radii of the body (m)."""
 
 
 class Linear(eqx.Module):
-    """One frame linearised: balls and other residuals as functions of the unknowns of pose and body."""
+    """One frame linearised: balls and other residuals as functions of the unknowns of pose and body.
+
+    Attributes:
+        balls: Derivative of centres and radii by the unknowns.
+        rows: Derivative of the residuals by the unknowns.
+        apart: Median distance between the outlines and the body (m).
+    """
 
     matrix: Float[Array, "capsules 8 8"]
     vector: Float[Array, "capsules 8"]
     balls: Float[Array, "balls 4 unknowns"]
-    """Derivative of centres and radii by the unknowns."""
     residuals: Float[Array, " rows"]
     rows: Float[Array, "rows unknowns"]
-    """Derivative of the residuals by the unknowns."""
     apart: Float[Array, ""]
-    """Median distance between the outlines and the body (m)."""
 
 
 def bundle_adjust(

@@ -45,10 +45,13 @@ _ROUGHLY = 0.03
 
 
 class Luggage(NamedTuple):
-    """A bag as two upright capsules side by side, one the mirror image of the other (m, relative to the chest)."""
+    """A bag as two upright capsules side by side, one the mirror image of the other (m, relative to the chest).
+
+    Attributes:
+        ends: Centres of the balls at the top and at the bottom of the left one.
+    """
 
     ends: Float[np.ndarray, "ends=2 3"]
-    """Centres of the balls at the top and at the bottom of the left one."""
     radius: float
 
 

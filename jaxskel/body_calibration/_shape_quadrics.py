@@ -13,12 +13,14 @@ class ShapeQuadrics(eqx.Module):
 
     Displacing the two ends of a capsule by (a, b) and enlarging its radii by (r, s) changes its cost by
     d . matrix d - 2 vector . d, with d = (a, b, r, s).
+
+    Attributes:
+        squared: Weighted sum of the squared distances at the linearisation (m^2).
     """
 
     matrix: Float[Array, "capsules 8 8"]
     vector: Float[Array, "capsules 8"]
     squared: Float[Array, ""]
-    """Weighted sum of the squared distances at the linearisation (m^2)."""
 
     def __add__(self, other: "ShapeQuadrics") -> "ShapeQuadrics":
         return ShapeQuadrics(self.matrix + other.matrix, self.vector + other.vector, self.squared + other.squared)

@@ -16,24 +16,28 @@ from ._lens import distorted, max_radius, slopes, undistorted
 
 
 class Cameras(eqx.Module):
-    """A rig of static cameras, stacked along the axis ``cams``. Make one with [`make_cameras`][]."""
+    """A rig of static cameras, stacked along the axis ``cams``. Make one with [`make_cameras`][].
+
+    Attributes:
+        K: Intrinsics (px), with skew at ``K[:, 0, 1]``.
+        R: Rotation from world to camera.
+        t: Translation of ``x_cam = R x_world + t`` (m).
+        dist: OpenCV's k1, k2, p1, p2, k3, k4, k5, k6; for a fisheye lens k1, k2, k3, k4 of `cv2.fisheye`, then zeros.
+        max_radius: Undistorted radius (tangent of the angle to the axis) up to which the distortion is one-to-one;
+            below that of 90 degrees for a fisheye lens.
+        size: Width and height of each image (px).
+        fisheye: Mask of the lenses with the model of `cv2.fisheye`; None if there are none, so that such rigs skip this
+            model.
+    """
 
     K: Float[Array | np.ndarray, "cams 3 3"]
-    """Intrinsics (px), with skew at ``K[:, 0, 1]``."""
     R: Float[Array | np.ndarray, "cams 3 3"]
-    """Rotation from world to camera."""
     t: Float[Array | np.ndarray, "cams 3"]
-    """Translation of ``x_cam = R x_world + t`` (m)."""
     dist: Float[Array | np.ndarray, "cams 8"]
-    """OpenCV's k1, k2, p1, p2, k3, k4, k5, k6; for a fisheye lens k1, k2, k3, k4 of `cv2.fisheye`, then zeros."""
     max_radius: Float[Array | np.ndarray, " cams"]
-    """Undistorted radius (tangent of the angle to the axis) up to which the distortion is one-to-one; below that of 90
-    degrees for a fisheye lens."""
     size: Int[np.ndarray, "cams 2"]
-    """Width and height of each image (px)."""
     names: tuple[str, ...] = eqx.field(static=True)
     fisheye: Bool[Array | np.ndarray, " cams"] | None = None
-    """Mask of the lenses with the model of `cv2.fisheye`; None if there are none, so that such rigs skip this model."""
 
     def __len__(self) -> int:
         return len(self.names)

@@ -9,14 +9,17 @@ from ._cameras import Cameras
 
 
 class RigDifference(eqx.Module):
-    """Difference of two rigs after the best similarity has aligned the first with the second."""
+    """Difference of two rigs after the best similarity has aligned the first with the second.
+
+    Attributes:
+        angles: Angle between the two rotations of each camera (rad).
+        distances: Distance between the two optical centres of each camera, in the second rig's world (m).
+        scale: Scale of the second world relative to the first.
+    """
 
     angles: Float[np.ndarray, " cams"]
-    """Angle between the two rotations of each camera (rad)."""
     distances: Float[np.ndarray, " cams"]
-    """Distance between the two optical centres of each camera, in the second rig's world (m)."""
     scale: float
-    """Scale of the second world relative to the first."""
 
 
 def compare_rigs(cameras: Cameras, reference: Cameras) -> RigDifference:

@@ -10,12 +10,15 @@ from ._cameras import Cameras
 
 
 class ExtrinsicChange(eqx.Module):
-    """Rotation and shift of each camera of a rig."""
+    """Rotation and shift of each camera of a rig.
+
+    Attributes:
+        rotation: Rotation vectors in the frame of each camera (rad): the new rotation is ``exp(rotation) R``.
+        shift: Shifts of the optical centres, in the world (m).
+    """
 
     rotation: Float[Array | np.ndarray, "cams 3"]
-    """Rotation vectors in the frame of each camera (rad): the new rotation is ``exp(rotation) R``."""
     shift: Float[Array | np.ndarray, "cams 3"]
-    """Shifts of the optical centres, in the world (m)."""
 
 
 def no_change(cameras: Cameras) -> ExtrinsicChange:

@@ -24,14 +24,18 @@ TURNS = (0, 90, 180, 270)
 
 @dataclass(frozen=True)
 class ImageChange:
-    """Change of images: turned, cropped or padded, scaled, in this order."""
+    """Change of images: turned, cropped or padded, scaled, in this order.
+
+    Attributes:
+        turn: Degrees, clockwise: one of `TURNS`.
+        crop: Left and upper edge of the image in the turned calibrated image (px of that); negative where it was
+            padded.
+        scale: Image pixels per calibrated pixel, across and down.
+    """
 
     turn: int = 0
-    """Degrees, clockwise: one of `TURNS`."""
     crop: tuple[float, float] = (0.0, 0.0)
-    """Left and upper edge of the image in the turned calibrated image (px of that); negative where it was padded."""
     scale: tuple[float, float] = (1.0, 1.0)
-    """Image pixels per calibrated pixel, across and down."""
 
     def turned_size(self, calibrated: tuple[float, float]) -> tuple[float, float]:
         """Width and height of the calibrated images after turning (px)."""

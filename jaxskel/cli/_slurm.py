@@ -20,6 +20,9 @@ class Task:
     """A part of the batch, which submitit sends and a node runs.
 
     A restarted task has the same recordings, and skips those that are done.
+
+    Attributes:
+        kept: Whether compiled code is kept for the next run, in the node's own cache folder.
     """
 
     sources: list[Source]
@@ -29,7 +32,6 @@ class Task:
     request: str
     timeout: float
     kept: bool
-    """Whether compiled code is kept for the next run, in the node's own cache folder."""
 
     def __call__(self) -> dict[str, str]:
         """Process the recordings; return the result of each."""

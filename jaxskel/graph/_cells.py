@@ -43,20 +43,23 @@ class Cells:
     """The cells of some frames: a box with an empty margin for each frame, all of the same size, one after the other.
 
     A neighbour is therefore at a constant index offset.
+
+    Attributes:
+        codes: Occupied voxels of each cell, as bits.
+        steps: Index offset of the neighbour in each direction.
+        rows: Lower corner of each row of cells along z, in the world (m).
+        depth: Number of cells per row.
+        spacing: Edge of a voxel (m).
+        tables: For each byte, relative to the cell's corner: lower bounds, upper bounds and mean centre of its voxels
+            (m).
     """
 
     codes: UInt8[np.ndarray, " cells"]
-    """Occupied voxels of each cell, as bits."""
     steps: Int[np.ndarray, " ways"]
-    """Index offset of the neighbour in each direction."""
     rows: Float[np.ndarray, "rows 3"]
-    """Lower corner of each row of cells along z, in the world (m)."""
     depth: int
-    """Number of cells per row."""
     spacing: float
-    """Edge of a voxel (m)."""
     tables: tuple[Float[np.ndarray, "codes 3"], Float[np.ndarray, "codes 3"], Float[np.ndarray, "codes 3"]]
-    """For each byte, relative to the cell's corner: lower bounds, upper bounds and mean centre of its voxels (m)."""
 
     def middles(self, some: Int[np.ndarray, " some"]) -> Float[np.ndarray, "some 3"]:
         """Mean of the voxel centres of some cells, in the world (m)."""

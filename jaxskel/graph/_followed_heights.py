@@ -18,22 +18,24 @@ class FollowedHeights(eqx.Module):
     the cheapest, found by dynamic programming. In a film, frames are in order; for single frames movement tells little.
 
     All sizes hold for a body of 1.75 m; they are scaled with the skeleton's stature.
+
+    Attributes:
+        least_rise: A maximum rises by this much above the saddle to a higher one (m). A head rises by 0.2 m above the
+            shoulders, but beside raised arms by less.
+        most: Highest maxima kept in each frame.
+        wander: Horizontal distance from the middle of the hull that costs as much as `jump` (m).
+        jump: Distance between frames that costs as much as `wander` (m).
+        above: Height above the stature that costs as much (m): heads are there only in a jump, or on toes.
+        below: Height below the stature that costs as much (m). On slim bodies in two films of 1960 frames it gets fewer
+            heads wrong than 0.2, 0.4 and 1 m.
     """
 
     least_rise: float = 0.04
-    """A maximum rises by this much above the saddle to a higher one (m). A head rises by 0.2 m above the shoulders, but
-    beside raised arms by less."""
     most: int = eqx.field(static=True, default=6)
-    """Highest maxima kept in each frame."""
     wander: float = 0.15
-    """Horizontal distance from the middle of the hull that costs as much as `jump` (m)."""
     jump: float = 0.05
-    """Distance between frames that costs as much as `wander` (m)."""
     above: float = 0.05
-    """Height above the stature that costs as much (m): heads are there only in a jump, or on toes."""
     below: float = 0.1
-    """Height below the stature that costs as much (m). On slim bodies in two films of 1960 frames it gets fewer heads
-    wrong than 0.2, 0.4 and 1 m."""
 
     def roots(self, hulls: VisualHulls, skeleton: Skeleton) -> Int[np.ndarray, " frames"]:
         """Index into ``hulls.voxels`` of the root of each person's graph; 0 for an empty hull."""

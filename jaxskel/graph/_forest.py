@@ -30,14 +30,17 @@ class Tree(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Forest:
-    """Trees padded to the same number of nodes."""
+    """Trees padded to the same number of nodes.
+
+    Attributes:
+        positions: Node positions in the world (m); zero in the padding.
+        parents: Parent of each node; 0 for the root and in the padding.
+        count: Number of nodes.
+    """
 
     positions: Float[np.ndarray, "trees nodes 3"]
-    """Node positions in the world (m); zero in the padding."""
     parents: Int[np.ndarray, "trees nodes"]
-    """Parent of each node; 0 for the root and in the padding."""
     count: Int[np.ndarray, " trees"]
-    """Number of nodes."""
 
     @property
     def real(self) -> Bool[np.ndarray, "trees nodes"]:

@@ -45,19 +45,22 @@ class HeadBall(eqx.Module):
     surface voxel straight above the highest voxel of the core, so paths along the graph start at the top of the head.
 
     All sizes hold for a body of 1.75 m; they are scaled with the skeleton's stature.
+
+    Attributes:
+        depths: Depths below the surface at which a core begins (m), ascending: below half the breadth of a head, about
+            76 mm, above half the thickness of an arm; half a neck's lies in between. On 1200 hulls of two realistic
+            bodies any depth after the first found every head; at 45 mm raised upper arms have cores of their own.
+        least_core: Smaller cores are specks (m^3). Cores of heads measured 70e-6 to 390e-6 at 50 to 57 mm, on the same
+            hulls.
+        most_core: Larger cores contain more than the head (m^3).
+        overtopped: If another core reaches this much higher (m), a thick neck joins the head to it, so it counts as the
+            head's: the core of a head bent below the shoulders is not that far below theirs.
     """
 
     depths: tuple[float, ...] = (0.050, 0.055, 0.060)
-    """Depths below the surface at which a core begins (m), ascending: below half the breadth of a head, about 76 mm,
-    above half the thickness of an arm; half a neck's lies in between. On 1200 hulls of two realistic bodies any depth
-    after the first found every head; at 45 mm raised upper arms have cores of their own."""
     least_core: float = 20e-6
-    """Smaller cores are specks (m^3). Cores of heads measured 70e-6 to 390e-6 at 50 to 57 mm, on the same hulls."""
     most_core: float = 600e-6
-    """Larger cores contain more than the head (m^3)."""
     overtopped: float = 0.160
-    """If another core reaches this much higher (m), a thick neck joins the head to it, so it counts as the head's: the
-    core of a head bent below the shoulders is not that far below theirs."""
 
     def roots(self, hulls: VisualHulls, skeleton: Skeleton) -> Int[np.ndarray, " frames"]:
         """Index into ``hulls.voxels`` of the root of each person's graph; 0 for an empty hull."""

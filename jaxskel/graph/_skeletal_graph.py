@@ -14,14 +14,17 @@ MAX_ENDS = 16
 
 @dataclass(frozen=True, eq=False)
 class SkeletalGraph:
-    """A tree of nodes along the centre-lines of a body (the paper's G). Parents precede their children."""
+    """A tree of nodes along the centre-lines of a body (the paper's G). Parents precede their children.
+
+    Attributes:
+        positions: Node positions in the world (m). Node 0 is the root.
+        parents: Parent of each node; -1 for the root.
+        radii: Half the diagonal of the box around the voxels that each node represents (m).
+    """
 
     positions: Float[np.ndarray, "nodes 3"]
-    """Node positions in the world (m). Node 0 is the root."""
     parents: Int[np.ndarray, " nodes"]
-    """Parent of each node; -1 for the root."""
     radii: Float[np.ndarray, " nodes"]
-    """Half the diagonal of the box around the voxels that each node represents (m)."""
 
     def __len__(self) -> int:
         return len(self.positions)

@@ -26,17 +26,20 @@ class ThinnestPaths(eqx.Module):
     the voxels around it count as explained. The path to the farthest unexplained voxel follows, until none is left.
     All paths belong to one shortest-path tree, so they join where limbs do. Every voxel of a path is a node. As in
     voxel scooping, end nodes lie at the centroid of the outermost voxels of a limb.
+
+    Attributes:
+        surface_cost: A step along the surface costs this many times more than one in the middle of the thickest part.
+            With 20 to 200, the synthetic shapes of `tests/graph/test_skeletonisers.py` keep their end nodes and
+            lengths.
+        power: Exponent with which that cost falls off with the depth below the surface.
+        scale: A path explains the voxels within this many times its distance from the surface.
+        margin: Plus this many voxels: lower bumps are no branches.
     """
 
     surface_cost: float = 50.0
-    """A step along the surface costs this many times more than one in the middle of the thickest part. With 20 to 200,
-    the synthetic shapes of `tests/graph/test_skeletonisers.py` keep their end nodes and lengths."""
     power: float = 4.0
-    """Exponent with which that cost falls off with the depth below the surface."""
     scale: float = 1.5
-    """A path explains the voxels within this many times its distance from the surface."""
     margin: float = 4.0
-    """Plus this many voxels: lower bumps are no branches."""
 
     def skeletonise(self, hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[SkeletalGraph]:
         """One graph per frame, in the hulls' world (m), not pruned.

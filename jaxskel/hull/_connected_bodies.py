@@ -17,18 +17,21 @@ _BESIDE = ((0, 1), (1, -1), (1, 0), (1, 1))
 
 
 class Bodies(eqx.Module):
-    """Runs of voxels, sorted by frame and then in grid order, and the connected body of each."""
+    """Runs of voxels, sorted by frame and then in grid order, and the connected body of each.
+
+    Attributes:
+        first: Index of the run's lowest voxel in ``hulls.voxels``.
+        length: Number of voxels of each run.
+        body: Index of the body; bodies are numbered by frame, then in the order of their first voxel.
+        sizes: Number of voxels of each body.
+    """
 
     frame: Int[np.ndarray, " runs"]
     first: Int[np.ndarray, " runs"]
-    """Index of the run's lowest voxel in ``hulls.voxels``."""
     length: Int[np.ndarray, " runs"]
-    """Number of voxels of each run."""
     body: Int[np.ndarray, " runs"]
-    """Index of the body; bodies are numbered by frame, then in the order of their first voxel."""
     frame_of_body: Int[np.ndarray, " bodies"]
     sizes: Int[np.ndarray, " bodies"]
-    """Number of voxels of each body."""
 
     def voxels_of(self, frame: int) -> Int[np.ndarray, " own"]:
         """Body of each occupied voxel of a frame."""

@@ -24,13 +24,16 @@ CELL = 8
 
 
 class Windows(NamedTuple):
-    """For each camera, the part of its silhouettes that contains all person pixels of 32 frames."""
+    """For each camera, the part of its silhouettes that contains all person pixels of 32 frames.
+
+    Attributes:
+        corner: Upper left corner of each window in its image: row (a multiple of `CELL`) and byte.
+        blank: Word of all other pixels: ones in the frames in which the view is empty, so that it carves nothing.
+    """
 
     packed: UInt8[np.ndarray, "frames=32 cams rows w8"]
     corner: Int[np.ndarray, "cams 2"]
-    """Upper left corner of each window in its image: row (a multiple of `CELL`) and byte."""
     blank: UInt32[np.ndarray, " cams"]
-    """Word of all other pixels: ones in the frames in which the view is empty, so that it carves nothing."""
 
 
 def all_frames(words: Any) -> np.unsignedinteger:

@@ -9,14 +9,17 @@ MAX_VOXELS = 60_000_000
 
 
 class VoxelGrid(eqx.Module):
-    """An axis-aligned grid of cubic voxels."""
+    """An axis-aligned grid of cubic voxels.
+
+    Attributes:
+        origin: Lower corner of the first voxel in the world (m).
+        spacing: Edge length of a voxel (m).
+        shape: Number of voxels along x, y and z.
+    """
 
     origin: Float[Array | np.ndarray, "3"]
-    """Lower corner of the first voxel in the world (m)."""
     spacing: float
-    """Edge length of a voxel (m)."""
     shape: tuple[int, int, int] = eqx.field(static=True)
-    """Number of voxels along x, y and z."""
 
     @property
     def size(self) -> int:

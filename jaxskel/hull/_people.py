@@ -18,12 +18,15 @@ _CUT_SHARE = 0.02  # a view with a larger share of the body outside its image do
 
 
 class People(eqx.Module):
-    """The person of each frame."""
+    """The person of each frame.
+
+    Attributes:
+        hulls: Hulls reduced to the person; empty where there is none.
+        status: `Status.OK`, or why there is no person.
+    """
 
     hulls: VisualHulls
-    """Hulls reduced to the person; empty where there is none."""
     status: Int[np.ndarray, " frames"]
-    """`Status.OK`, or why there is no person."""
 
 
 def observed_edge(observed: Bool[np.ndarray, "x y z"]) -> Bool[np.ndarray, "x y z"]:

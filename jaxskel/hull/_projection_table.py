@@ -21,17 +21,20 @@ _AT_ONCE = 1 << 8
 
 
 class ProjectionTable(eqx.Module):
-    """Which pixel each voxel centre projects onto, for static cameras and a static grid."""
+    """Which pixel each voxel centre projects onto, for static cameras and a static grid.
+
+    Attributes:
+        pixels_of_blocks: The `pixels` in block order, see `voxels_of`, padded with unused blocks: grids of similar size
+            share compiled code.
+        footprints: Footprint of each block in each camera, see `find_footprints`.
+        size: Height and width of the stored silhouettes (px).
+    """
 
     grid: VoxelGrid
     pixels_of_blocks: Int[Array, "cams at_least_blocks inner"]
-    """The `pixels` in block order, see `voxels_of`, padded with unused blocks: grids of similar size share compiled
-    code."""
     observed_of_blocks: Bool[Array, "at_least_blocks inner"]
     footprints: Int[Array, "cams at_least_blocks"]
-    """Footprint of each block in each camera, see `find_footprints`."""
     size: tuple[int, int] = eqx.field(static=True)
-    """Height and width of the stored silhouettes (px)."""
 
     @property
     def pixels(self) -> Int[np.ndarray, "cams voxels"]:

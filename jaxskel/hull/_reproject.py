@@ -10,12 +10,16 @@ from ._visual_hulls import VisualHulls
 
 
 class Agreement(eqx.Module):
-    """Agreement of one frame's hull with its silhouettes, view by view."""
+    """Agreement of one frame's hull with its silhouettes, view by view.
+
+    Attributes:
+        coverage: Share of the silhouette that the hull covers; NaN in a view without a silhouette.
+        spill: Area of the hull outside the silhouette, as a share of the silhouette; NaN in a view without a
+            silhouette.
+    """
 
     coverage: Float[np.ndarray, " cams"]
-    """Share of the silhouette that the hull covers; NaN in a view without a silhouette."""
     spill: Float[np.ndarray, " cams"]
-    """Area of the hull outside the silhouette, as a share of the silhouette; NaN in a view without a silhouette."""
 
 
 def reproject(

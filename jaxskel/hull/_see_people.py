@@ -27,16 +27,19 @@ Stopwatch = Callable[[str], AbstractContextManager[Any]]
 
 
 class Seen(eqx.Module):
-    """The frames of a batch that show exactly one whole person, and the hull of that person."""
+    """The frames of a batch that show exactly one whole person, and the hull of that person.
+
+    Attributes:
+        status: A `Status` for each frame of the batch; OK where there is a person.
+        frames: Indices of the frames with a person, ascending; `hulls` has only these.
+        empty_views: Views that show no person while others do.
+        hulls: Hulls of these people; None if there was nothing to carve, or if it was not needed.
+    """
 
     status: Int[np.ndarray, " frames"]
-    """A `Status` for each frame of the batch; OK where there is a person."""
     frames: Int[np.ndarray, " people"]
-    """Indices of the frames with a person, ascending; `hulls` has only these."""
     empty_views: Bool[np.ndarray, "frames cams"]
-    """Views that show no person while others do."""
     hulls: VisualHulls | None
-    """Hulls of these people; None if there was nothing to carve, or if it was not needed."""
 
 
 def see_people(

@@ -8,12 +8,15 @@ from ._grid import VoxelGrid, check_spacing
 
 
 class VisualHulls(eqx.Module):
-    """Occupied voxels of a batch of frames. Voxels that are empty in every frame are not stored."""
+    """Occupied voxels of a batch of frames. Voxels that are empty in every frame are not stored.
+
+    Attributes:
+        voxels: Grid indices (x, y, z) of every voxel that is occupied in some frame, in grid order.
+        inside: Whether a voxel is occupied in a frame.
+    """
 
     voxels: Int[np.ndarray, "voxels 3"]
-    """Grid indices (x, y, z) of every voxel that is occupied in some frame, in grid order."""
     inside: Bool[np.ndarray, "frames voxels"]
-    """Whether a voxel is occupied in a frame."""
     grid: VoxelGrid
 
     def __len__(self) -> int:

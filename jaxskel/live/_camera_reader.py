@@ -19,12 +19,15 @@ _MOST_BYTES = 64_000_000
 
 @dataclass(frozen=True)
 class Image:
-    """An image of one camera."""
+    """An image of one camera.
+
+    Attributes:
+        number: Counts the camera's images from 0, also those that nobody asked for.
+        time: When it came (s).
+    """
 
     number: int
-    """Counts the camera's images from 0, also those that nobody asked for."""
     time: float
-    """When it came (s)."""
     pixels: UInt8[np.ndarray, "h w 3"]
 
 

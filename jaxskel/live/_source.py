@@ -35,14 +35,17 @@ def to_drop(late: float, interval: float) -> int:
 
 @dataclass(frozen=True)
 class Taken:
-    """One frame: the silhouettes of all views."""
+    """One frame: the silhouettes of all views.
+
+    Attributes:
+        number: Counts the frames of the source from 0; the numbers of frames that were dropped are missing.
+        time: When it was taken, by the clock of the session (s).
+        silhouettes: Packed bits, as from `numpy.packbits` over the width.
+    """
 
     number: int
-    """Counts the frames of the source from 0; the numbers of frames that were dropped are missing."""
     time: float
-    """When it was taken, by the clock of the session (s)."""
     silhouettes: UInt8[np.ndarray, "cams h w8"]
-    """Packed bits, as from `numpy.packbits` over the width."""
 
 
 @runtime_checkable

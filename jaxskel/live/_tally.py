@@ -13,18 +13,21 @@ _RECENT = 50  # frames over which the current rate and latency are told
 
 @dataclass(frozen=True)
 class Moment:
-    """How a session stands when a frame is handed on."""
+    """How a session stands when a frame is handed on.
+
+    Attributes:
+        time: When the frame was taken, since the session's first one, by the number of the frame (s).
+        number: Number of the frame, from 0.
+        dropped: Frames that were left out so far.
+        fps: Frames per second at present.
+        latency: Median latency at present (s), see `Tally`.
+    """
 
     time: float
-    """When the frame was taken, since the session's first one, by the number of the frame (s)."""
     number: int
-    """Number of the frame, from 0."""
     dropped: int
-    """Frames that were left out so far."""
     fps: float
-    """Frames per second at present."""
     latency: float
-    """Median latency at present (s), see `Tally`."""
 
     def __str__(self) -> str:
         return (

@@ -39,12 +39,15 @@ BONE_PARENTS = tuple(
 
 @dataclass(frozen=True)
 class Bones:
-    """Bones of one frame, in the order of `BONE_NAMES`."""
+    """Bones of one frame, in the order of `BONE_NAMES`.
+
+    Attributes:
+        positions: Position relative to the parent, in its frame; of Hips, in the world (m).
+        quaternions: Rotation relative to the parent from the T-pose: x, y, z, w.
+    """
 
     positions: Float[np.ndarray, "bones=20 3"]
-    """Position relative to the parent, in its frame; of Hips, in the world (m)."""
     quaternions: Float[np.ndarray, "bones=20 4"]
-    """Rotation relative to the parent from the T-pose: x, y, z, w."""
 
 
 def bones_of(poses: Poses, start: TPose | None = None) -> Bones | None:

@@ -12,16 +12,19 @@ from ..graph import MAX_ENDS, SkeletalGraph, forest_of
 
 
 class EndNodes(eqx.Module):
-    """End nodes of a batch of graphs, padded to `MAX_ENDS`, the root first, then by geodesic distance to it."""
+    """End nodes of a batch of graphs, padded to `MAX_ENDS`, the root first, then by geodesic distance to it.
+
+    Attributes:
+        nodes: Index of the node in its graph; -1 in the padding.
+        count: Number of end nodes N.
+        distances: D (Eq. 1): geodesic distance between every two end nodes (m); 0 in the padding.
+        positions: Positions in the graphs' world (m); 0 in the padding.
+    """
 
     nodes: Int[np.ndarray, "frames ends"]
-    """Index of the node in its graph; -1 in the padding."""
     count: Int[np.ndarray, " frames"]
-    """Number of end nodes N."""
     distances: Float[np.ndarray, "frames ends ends"]
-    """D (Eq. 1): geodesic distance between every two end nodes (m); 0 in the padding."""
     positions: Float[np.ndarray, "frames ends 3"]
-    """Positions in the graphs' world (m); 0 in the padding."""
 
 
 def describe_ends(graphs: Sequence[SkeletalGraph]) -> EndNodes:

@@ -25,14 +25,18 @@ HANDLESS_DESCRIPTOR = (HEAD, L_FOOT, R_FOOT)
 
 
 class Limbs(eqx.Module):
-    """Labelled skeletal graphs (Fig. 2b; m, in the graphs' world): five end nodes, two inner nodes, five paths."""
+    """Labelled skeletal graphs (Fig. 2b; m, in the graphs' world): five end nodes, two inner nodes, five paths.
+
+    Attributes:
+        paths: Points from the root to the head, left and right hand, left and right foot, evenly spaced along the graph
+            (m).
+        lengths: Length of each path (m).
+        found: Whether an end node was found for this label.
+    """
 
     paths: Float[np.ndarray, "frames labels=5 points 3"]
-    """Points from the root to the head, left and right hand, left and right foot, evenly spaced along the graph (m)."""
     lengths: Float[np.ndarray, "frames labels=5"]
-    """Length of each path (m)."""
     found: Bool[np.ndarray, "frames labels=5"]
-    """Whether an end node was found for this label."""
     neck: Float[np.ndarray, "frames 3"]
     pelvis: Float[np.ndarray, "frames 3"]
 

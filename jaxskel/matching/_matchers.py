@@ -23,12 +23,15 @@ from ._soft_dtw import soft_dtw
 
 
 class Matches(eqx.Module):
-    """End nodes with the labels head, hand, hand, foot, foot; left and right are not distinguished yet."""
+    """End nodes with the labels head, hand, hand, foot, foot; left and right are not distinguished yet.
+
+    Attributes:
+        ends: Index into the end nodes of each graph; -1 if the graph has too few end nodes for this label.
+        cost: Mean absolute difference between the geodesic distances of the matched end nodes and the template's (m).
+    """
 
     ends: Int[np.ndarray, "frames labels=5"]
-    """Index into the end nodes of each graph; -1 if the graph has too few end nodes for this label."""
     cost: Float[np.ndarray, " frames"]
-    """Mean absolute difference between the geodesic distances of the matched end nodes and the template's (m)."""
 
 
 @runtime_checkable

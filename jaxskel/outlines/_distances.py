@@ -27,9 +27,8 @@ _FARTHEST = 40
 # Standard deviation of the Gaussian for local means (px), and the distance from the outline (px) within which they
 # replace the distance transform; they fade out at twice that distance.
 _SMOOTHING, _NEAR = 0.7, 1.5
-# Pixels along a side of a cell from which distances are computed: large images are made smaller before, which moves
-# outlines by up to half a pixel of the smaller image. (The eight views of a real recording, 1600 px wide: a standard
-# deviation of 0.1 px, no bias, and 12 ms instead of 30.)
+# Pixels along a side of a cell from which distances are computed: large images are made smaller before. (The eight
+# views of a real recording, 1600 px wide: outlines move by 0.1 px, without bias, in 12 ms instead of 30.)
 _PIXELS = 2
 # Value where a view has no information (m): well inside.
 _NOTHING = -1.0
@@ -38,22 +37,25 @@ _LOST = -1e3
 
 
 class SilhouetteDistances(eqx.Module):
-    """Signed distance to the outline of each silhouette, on a regular grid of its image: negative on the person."""
+    """Signed distance to the outline of each silhouette, on a regular grid of its image: negative on the person.
+
+    Attributes:
+        values: Distances (px), row by row, with the leading axes of the other fields, or those of a stack, see `frame`.
+            There is space for images of every shape; what is beyond the last row has no meaning.
+        shape: Number of rows and columns of the grid.
+        step: Spacing of the values (px).
+        cameras: The rig, in the working world, with the same leading axes; after its cameras come some that see
+            nothing, so that rigs of similar size share compiled code.
+        misses: Number of views that may err at any point.
+        frame: Index of this frame if it is one of a stack; `values` are then still those of all frames.
+    """
 
     values: Float[Array | np.ndarray, "*stack cams cells"]
-    """Distances (px), row by row, with the leading axes of the other fields, or those of a stack, see `frame`. There is
-    space for images of every shape; what is beyond the last row has no meaning."""
     shape: Int[Array | np.ndarray, "*frames 2"]
-    """Number of rows and columns of the grid."""
     step: Float[Array | np.ndarray, "*frames"]
-    """Spacing of the values (px)."""
     cameras: Cameras
-    """The rig, in the working world, with the same leading axes; after its cameras come some that see nothing, so that
-    rigs of similar size share compiled code."""
     misses: Int[Array | np.ndarray, "*frames"]
-    """Number of views that may err at any point."""
     frame: Int[Array, ""] | None = None
-    """Index of this frame if it is one of a stack; `values` are then still those of all frames."""
 
     def of(self, frame: Int[Array, ""]) -> "SilhouetteDistances":
         """One frame of a stack on the device; the large array of values is shared, not copied."""

@@ -18,12 +18,14 @@ class Contours(eqx.Module):
     """Viewing rays through points of the silhouettes' outlines, of all views of a frame together.
 
     Rays of a true outline graze the body. Unlike the hull's surface, they do not constrain what no view observes.
+
+    Attributes:
+        centres: A point on each ray: the optical centre of its camera in the world (m).
+        directions: Unit viewing directions in the world.
     """
 
     centres: Float[Array | np.ndarray, "*frames rays 3"]
-    """A point on each ray: the optical centre of its camera in the world (m)."""
     directions: Float[Array | np.ndarray, "*frames rays 3"]
-    """Unit viewing directions in the world."""
 
     def thinned(self, factor: int) -> "Contours":
         """Every `factor`-th ray; the rays of a view are in random order."""
@@ -107,14 +109,17 @@ def outline(packed: UInt8[np.ndarray, "h w8"], width: int) -> Float[np.ndarray, 
 
 
 class _Steps(NamedTuple):
-    """Outline points in compact form, since most of them are never drawn."""
+    """Outline points in compact form, since most of them are never drawn.
+
+    Attributes:
+        place: Flat index of the pixel to the left of each point or above it, in some part of an image.
+        below: Whether the other pixel is the one below, not the one to the right.
+        part: Number of columns, first column and first row of that part (px).
+    """
 
     place: Int[np.ndarray, " n"]
-    """Flat index of the pixel to the left of each point or above it, in some part of an image."""
     below: Bool[np.ndarray, " n"]
-    """Whether the other pixel is the one below, not the one to the right."""
     part: tuple[int, int, int]
-    """Number of columns, first column and first row of that part (px)."""
 
     def some(self, which: Int[np.ndarray, " some"]) -> "_Steps":
         return _Steps(self.place[which], self.below[which], self.part)

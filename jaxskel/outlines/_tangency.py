@@ -24,12 +24,15 @@ _WIDEST = 1.3
 
 @dataclass(frozen=True)
 class ConvexOutline:
-    """The convex hull of the outline of a silhouette's largest connected part."""
+    """The convex hull of the outline of a silhouette's largest connected part.
+
+    Attributes:
+        uv: Pixel centres (u, v) on the outline (px).
+        cut: Whether a point is at the edge of the image, where the person may continue.
+    """
 
     uv: Float[np.ndarray, "points 2"]
-    """Pixel centres (u, v) on the outline (px)."""
     cut: Bool[np.ndarray, " points"]
-    """Whether a point is at the edge of the image, where the person may continue."""
 
 
 def convex_outline(packed: UInt8[np.ndarray, "h w8"], width: int, height: int) -> ConvexOutline | None:

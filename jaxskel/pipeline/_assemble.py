@@ -13,10 +13,13 @@ from ._start import Start
 
 
 class FramesOf(NamedTuple):
-    """The world and the frames that poses are given in."""
+    """The world and the frames that poses are given in.
+
+    Attributes:
+        to_z_up: Rotation from this world to one with z up, in which all stages work.
+    """
 
     to_z_up: Float[np.ndarray, "3 3"]
-    """Rotation from this world to one with z up, in which all stages work."""
     up: str
     fps: float
     frame_index: Int[np.ndarray, " frames"]

@@ -56,28 +56,34 @@ _TURNING = {
 
 @dataclass(frozen=True)
 class MeasuredLength:
-    """A length of a subject, the same for both sides."""
+    """A length of a subject, the same for both sides.
+
+    Attributes:
+        length: From joint centre to joint centre (m).
+        deviation: Posterior standard deviation (m), with the variation between people as the prior.
+        still: Joints at its ends that hardly turn in these frames: only the flesh around them shows where they are.
+    """
 
     length: float
-    """From joint centre to joint centre (m)."""
     deviation: float
-    """Posterior standard deviation (m), with the variation between people as the prior."""
     still: tuple[str, ...]
-    """Joints at its ends that hardly turn in these frames: only the flesh around them shows where they are."""
 
 
 @dataclass(frozen=True)
 class CalibratedBody:
-    """A subject's dimensions and flesh. Give the skeleton to a recording, the body to `Settings(body=...)`."""
+    """A subject's dimensions and flesh. Give the skeleton to a recording, the body to `Settings(body=...)`.
+
+    Attributes:
+        lengths: Keys are the names in the subject's file, see [`read_subject`][jaxskel.io.subjects.read_subject].
+        costs: Final cost of the frames, in the units of `volume_objective`.
+        frames: Number of frames used.
+    """
 
     skeleton: Skeleton
     body: Body
     lengths: dict[str, MeasuredLength]
-    """Keys are the names in the subject's file, see [`read_subject`][jaxskel.io.subjects.read_subject]."""
     costs: Costs
-    """Final cost of the frames, in the units of `volume_objective`."""
     frames: int
-    """Number of frames used."""
 
 
 def calibrate_body(

@@ -24,37 +24,46 @@ from ._settings import GraphSettings, Settings
 
 
 class Labelled(NamedTuple):
-    """The labelled skeletal graphs of some people."""
+    """The labelled skeletal graphs of some people.
+
+    Attributes:
+        skeleton: The template that the graphs were matched with.
+        facing: Unit vector that each person faces, in the world with z up.
+        sides: Confidence in left and right, from 0.5 to 1.
+    """
 
     graphs: list[SkeletalGraph]
     skeleton: Skeleton
-    """The template that the graphs were matched with."""
     limbs: Limbs
     facing: Float[np.ndarray, "people 3"]
-    """Unit vector that each person faces, in the world with z up."""
     sides: Float[np.ndarray, " people"]
-    """Confidence in left and right, from 0.5 to 1."""
 
 
 class Outlines(NamedTuple):
-    """Observations of some people from the silhouettes themselves."""
+    """Observations of some people from the silhouettes themselves.
+
+    Attributes:
+        middles: The middle of each person (m).
+    """
 
     middles: Float[np.ndarray, "people 3"]
-    """The middle of each person (m)."""
     observed: Observed
 
 
 class Observation(NamedTuple):
-    """Observations from the silhouettes of a batch."""
+    """Observations from the silhouettes of a batch.
+
+    Attributes:
+        data: The recording's own data of the frames with a person.
+        labelled: None if nobody is seen, or if it was not asked for.
+        outlines: None in the same cases.
+    """
 
     silhouettes: UInt8[np.ndarray, "frames cams h w8"]
     seen: Seen
     data: dict[str, Float[Array | np.ndarray, "people ..."]]
-    """The recording's own data of the frames with a person."""
     labelled: Labelled | None = None
-    """None if nobody is seen, or if it was not asked for."""
     outlines: Outlines | None = None
-    """None in the same cases."""
 
 
 def observe_batch(

@@ -11,37 +11,45 @@ from ..search import Model
 
 
 class Costs(eqx.Module):
-    """Costs of correct poses of a subject in one recording, in the units of `volume_objective`."""
+    """Costs of correct poses of a subject in one recording, in the units of `volume_objective`.
+
+    Attributes:
+        low: The 10 % quantile over the frames.
+        typical: The median over the frames.
+    """
 
     low: float
-    """The 10 % quantile over the frames."""
     typical: float
-    """The median over the frames."""
 
 
 class Prepared(eqx.Module):
-    """Data shared by all frames of a recording. See `prepare`."""
+    """Data shared by all frames of a recording. See `prepare`.
+
+    Attributes:
+        to_z_up: Rotation from the recording's world to one with z up, in which all stages work.
+        cameras: The recording's cameras in the world with z up.
+        table: None if no frame has a hull.
+        edge: Observed voxels at the edge of the observed volume.
+        max_misses: Cameras that may see background at an occupied voxel.
+        skeleton: Template: the subject's, or the default adult at the estimated stature.
+        body: The template with flesh. Not calibrated if the paper's method needs none or too few frames show the
+            subject.
+        costs: Typical cost of a pose of this subject; None if the body is not calibrated.
+        stature_deviation: Standard deviation of the skeleton's stature (m); None where it was given or is a guess.
+        clothes: Root mean square thickness of what the subject wears (m), as far as the calibration of its body found
+            it.
+        model: The body prepared for the search; None without a search.
+    """
 
     to_z_up: Float[np.ndarray, "3 3"]
-    """Rotation from the recording's world to one with z up, in which all stages work."""
     cameras: Cameras
-    """The recording's cameras in the world with z up."""
     table: ProjectionTable | None
-    """None if no frame has a hull."""
     edge: Bool[np.ndarray, "x y z"]
-    """Observed voxels at the edge of the observed volume."""
     max_misses: int
-    """Cameras that may see background at an occupied voxel."""
     skeleton: Skeleton
-    """Template: the subject's, or the default adult at the estimated stature."""
     skeleton_is_known: bool
     body: Body
-    """The template with flesh. Not calibrated if the paper's method needs none or too few frames show the subject."""
     costs: Costs | None
-    """Typical cost of a pose of this subject; None if the body is not calibrated."""
     stature_deviation: float | None = None
-    """Standard deviation of the skeleton's stature (m); None where it was given or is a guess."""
     clothes: float = 0.0
-    """Root mean square thickness of what the subject wears (m), as far as the calibration of its body found it."""
     model: Model | None = None
-    """The body prepared for the search; None without a search."""

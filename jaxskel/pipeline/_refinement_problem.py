@@ -26,25 +26,28 @@ from ._start import Start, start_of
 
 
 class RefinementProblem(eqx.Module):
-    """Inputs of `refine_frames` except the objective, in a world with z up. See [`refinement_problem`][]."""
+    """Inputs of `refine_frames` except the objective, in a world with z up. See [`refinement_problem`][].
+
+    Attributes:
+        frames: Indices of the frames that show a person, from 0; the fields below are for these frames.
+        initial: Result of the search, or, without a search, the pose from the labelled graph.
+        body: The subject with flesh, for terms about volume.
+        truth: True joints (m) in the world with z up, if the recording has them.
+        cameras: The recording's cameras in the world with z up.
+        to_z_up: Rotation from the recording's world to the one with z up.
+        hypotheses: All that the search found for each frame, the cheapest first; None without a search. See
+            [`costs_by_term`][jaxskel.search.costs_by_term].
+    """
 
     frames: Int[np.ndarray, " people"]
-    """Indices of the frames that show a person, from 0; the fields below are for these frames."""
     initial: Pose
-    """Result of the search, or, without a search, the pose from the labelled graph."""
     observed: Observed
     skeleton: Skeleton
     body: Body
-    """The subject with flesh, for terms about volume."""
     truth: Float[np.ndarray, "people joints=15 3"] | None
-    """True joints (m) in the world with z up, if the recording has them."""
     cameras: Cameras
-    """The recording's cameras in the world with z up."""
     to_z_up: Float[np.ndarray, "3 3"]
-    """Rotation from the recording's world to the one with z up."""
     hypotheses: Hypotheses | None
-    """All that the search found for each frame, the cheapest first; None without a search. See
-    [`costs_by_term`][jaxskel.search.costs_by_term]."""
     _batches: "_Batches" = eqx.field(static=True)
 
     def to_poses(self, refined: Refined) -> Poses:

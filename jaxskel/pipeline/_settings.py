@@ -17,18 +17,22 @@ from ..search import Search, Tracking
 
 
 class HullSettings(eqx.Module):
-    """How the visual hull is carved (Sect. 3.1)."""
+    """How the visual hull is carved (Sect. 3.1).
+
+    Attributes:
+        spacing: Edge length of a voxel (m). With 10, 15, 20 and 30 mm the median error is 9.5, 9.4, 9.4 and 9.5 mm on
+            three test sequences, because the silhouettes decide between the graph's poses: see
+            `benchmarks/defaults.py`.
+        box: Lower and upper corner of what to carve, in the recording's world (m); by default around the person.
+        min_views: Cameras that must see a voxel for it to be occupied; by default 3, or 2 with fewer than six cameras.
+        max_misses: k-of-n voting: the number of cameras that may see background at an occupied voxel; by default chosen
+            from the silhouettes.
+    """
 
     spacing: float = 0.015
-    """Edge length of a voxel (m). With 10, 15, 20 and 30 mm the median error is 9.5, 9.4, 9.4 and 9.5 mm on three test
-    sequences, because the silhouettes decide between the graph's poses: see `benchmarks/defaults.py`."""
     box: Float[np.ndarray, "2 3"] | None = None
-    """Lower and upper corner of what to carve, in the recording's world (m); by default around the person."""
     min_views: int | None = None
-    """Cameras that must see a voxel for it to be occupied; by default 3, or 2 with fewer than six cameras."""
     max_misses: int | None = None
-    """k-of-n voting: the number of cameras that may see background at an occupied voxel; by default chosen from the
-    silhouettes."""
 
     def __check_init__(self):
         """Reject numbers that make no sense."""
@@ -41,15 +45,20 @@ class HullSettings(eqx.Module):
 
 
 class GraphSettings(eqx.Module):
-    """How the skeletal graph is extracted from the hull (Sect. 3.1)."""
+    """How the skeletal graph is extracted from the hull (Sect. 3.1).
+
+    Attributes:
+        skeletoniser: Extracts the curve skeleton: by voxel scooping, as in the paper, or by `ThinnestPaths`.
+        root_finder: Finds where the graph starts: at the sphere of the head, or, as in the paper, at the
+            `HighestVoxel`.
+        min_branch: Branches of the graph shorter than this are pruned (m). With 0.20, 0.24 and 0.28 m, the labelled
+            graph alone gets 25.1, 22.9 and 25.0 % of the hands wrong on the twenty test sequences: see
+            `benchmarks/defaults.py`.
+    """
 
     skeletoniser: Skeletoniser = VoxelScooping()
-    """Extracts the curve skeleton: by voxel scooping, as in the paper, or by `ThinnestPaths`."""
     root_finder: RootFinder = HeadBall()
-    """Finds where the graph starts: at the sphere of the head, or, as in the paper, at the `HighestVoxel`."""
     min_branch: float = MIN_BRANCH
-    """Branches of the graph shorter than this are pruned (m). With 0.20, 0.24 and 0.28 m, the labelled graph alone gets
-    25.1, 22.9 and 25.0 % of the hands wrong on the twenty test sequences: see `benchmarks/defaults.py`."""
 
     def __check_init__(self):
         """Reject classes for instances, and millimetres."""
@@ -59,14 +68,17 @@ class GraphSettings(eqx.Module):
 
 
 class MatchingSettings(eqx.Module):
-    """How the end nodes of the graph are labelled (Sect. 3.2)."""
+    """How the end nodes of the graph are labelled (Sect. 3.2).
+
+    Attributes:
+        matcher: Assigns end nodes to limbs: by DTW, as in the paper, or by an `ExactMatcher`.
+        descriptor: Labels whose geodesic distances describe neck and pelvis (Eq. 5). Without hands, and with them as in
+            the paper, the labelled graph alone has a median error of 44 and 56 mm on three test sequences, and 31.9 %
+            of the hands wrong in both cases: see `benchmarks/defaults.py`.
+    """
 
     matcher: Matcher = DtwMatcher()
-    """Assigns end nodes to limbs: by DTW, as in the paper, or by an `ExactMatcher`."""
     descriptor: tuple[int, ...] = HANDLESS_DESCRIPTOR
-    """Labels whose geodesic distances describe neck and pelvis (Eq. 5). Without hands, and with them as in the paper,
-    the labelled graph alone has a median error of 44 and 56 mm on three test sequences, and 31.9 % of the hands wrong
-    in both cases: see `benchmarks/defaults.py`."""
 
     def __check_init__(self):
         """Reject classes for instances, and labels that there are not."""
@@ -76,19 +88,22 @@ class MatchingSettings(eqx.Module):
 
 
 class RefinementSettings(eqx.Module):
-    """How the pose is refined (Sect. 3.3)."""
+    """How the pose is refined (Sect. 3.3).
+
+    Attributes:
+        objective: What is minimised: an objective, or a function that makes one for the subject's body.
+        parametrisation: How a pose is expressed by unknowns.
+        rounds: Number of times that correspondences are looked up. With 1, 2 and 3 the median error is 9.5, 9.4 and 9.4
+            mm on three test sequences: see `benchmarks/defaults.py`.
+        max_steps: Largest number of steps of the solver in each round. With 4, 8 and 16 the median error is 9.4 mm on
+            three test sequences: the search starts the solver near the solution. Other objectives may need more.
+    """
 
     objective: GivenObjective = volume_objective
-    """What is minimised: an objective, or a function that makes one for the subject's body."""
     parametrisation: Parametrisation = HingedLimbs()
-    """How a pose is expressed by unknowns."""
     solver: Solver = eqx.field(default_factory=default_solver)
     rounds: int = 1
-    """Number of times that correspondences are looked up. With 1, 2 and 3 the median error is 9.5, 9.4 and 9.4 mm on
-    three test sequences: see `benchmarks/defaults.py`."""
     max_steps: int = 16
-    """Largest number of steps of the solver in each round. With 4, 8 and 16 the median error is 9.4 mm on three test
-    sequences: the search starts the solver near the solution. Other objectives may need more."""
 
     def __check_init__(self):
         """Reject what no refinement can work with."""
@@ -105,6 +120,11 @@ class Settings(eqx.Module):
 
     By default the graph proposes poses and the silhouettes decide between them, see `Search`.
 
+    Attributes:
+        search: Finds the poses to refine from the silhouettes; if None, the labelled graph gives the pose.
+        tracking: Tracks the person from frame to frame instead of searching in every frame; needs a search.
+        body: The subject's body if it was calibrated before; by default it is calibrated on the recording.
+
     Raises:
         ValueError: A combination that cannot work.
     """
@@ -113,11 +133,8 @@ class Settings(eqx.Module):
     graph: GraphSettings = GraphSettings()
     matching: MatchingSettings = MatchingSettings()
     search: Search | None = Search()
-    """Finds the poses to refine from the silhouettes; if None, the labelled graph gives the pose."""
     tracking: Tracking | None = None
-    """Tracks the person from frame to frame instead of searching in every frame; needs a search."""
     body: Body | None = None
-    """The subject's body if it was calibrated before; by default it is calibrated on the recording."""
     refinement: RefinementSettings = eqx.field(default_factory=RefinementSettings)
 
     def __check_init__(self):

@@ -63,16 +63,19 @@ _LEAST_TRUST, _MOST_TRUST = 0.05, 0.95
 
 
 class Start(NamedTuple):
-    """Start poses of the refinement, and what is known before it."""
+    """Start poses of the refinement, and what is known before it.
+
+    Attributes:
+        observed: On the device, padded by `on_device`.
+        hypotheses: All that the search found; None without a search.
+    """
 
     poses: Pose
     observed: Observed
-    """On the device, padded by `on_device`."""
     plausible: Bool[np.ndarray, " frames"]
     sides: Float[np.ndarray, " frames"]
     uncertainty: Callable[[Refined], Uncertainty]
     hypotheses: Hypotheses | None = None
-    """All that the search found; None without a search."""
 
 
 def start_of(

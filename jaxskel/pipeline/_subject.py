@@ -65,21 +65,24 @@ def sight_of(outlines: Outlines, labelled: Labelled) -> Sight:
 
 
 class Subject(NamedTuple):
-    """A subject's body, and the poses that it was found with."""
+    """A subject's body, and the poses that it was found with.
+
+    Attributes:
+        shape: Relative to the template.
+        covariance: Of the logarithms of the lengths, in the order of `LENGTH_NAMES`.
+        poses: Axis ``used``: the frames that count.
+        stature_deviation: Standard deviation of the stature (m), to first order.
+        clothes: Root mean square thickness of what the subject wears (m).
+    """
 
     shape: Shape
-    """Relative to the template."""
     body: Body
     covariance: Float[np.ndarray, "lengths=11 lengths"]
-    """Of the logarithms of the lengths, in the order of `LENGTH_NAMES`."""
     costs: Costs
     poses: Pose
-    """Axis ``used``: the frames that count."""
     used: Bool[np.ndarray, " frames"]
     stature_deviation: float
-    """Standard deviation of the stature (m), to first order."""
     clothes: float
-    """Root mean square thickness of what the subject wears (m)."""
 
 
 def find_subject(
@@ -125,13 +128,16 @@ def _cost(subject: Subject) -> float:
 
 
 class _Given(NamedTuple):
-    """What does not change while a subject is looked for."""
+    """What does not change while a subject is looked for.
+
+    Attributes:
+        stack: What the frames show, on the device.
+    """
 
     template: Skeleton
     prior: Callable[[float], Prior]
     sight: Sight
     stack: Observed
-    """What the frames show, on the device."""
     search: Search
 
     @property

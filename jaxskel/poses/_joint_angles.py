@@ -72,12 +72,15 @@ _SIGNS = np.array([-1.0 if name.startswith("knee_angle") else 1.0 for name in AN
 
 @dataclass(frozen=True)
 class JointAngles:
-    """Joint angles of all frames."""
+    """Joint angles of all frames.
+
+    Attributes:
+        names: `ANGLE_NAMES`; the page on conventions says what is positive.
+        values: Angles (rad), zero in the neutral posture; NaN in a frame without a pose.
+    """
 
     names: tuple[str, ...]
-    """`ANGLE_NAMES`; the page on conventions says what is positive."""
     values: Float[np.ndarray, "frames angles"]
-    """Angles (rad), zero in the neutral posture; NaN in a frame without a pose."""
 
 
 def joint_angles(poses: Poses) -> JointAngles:

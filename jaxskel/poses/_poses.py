@@ -46,31 +46,35 @@ WITH_POSE = (Status.OK, Status.VIEW_LOST, Status.NOT_CONVERGED)
 
 
 class Poses(eqx.Module):
-    """Poses of a recording, frame by frame, in the recording's world."""
+    """Poses of a recording, frame by frame, in the recording's world.
+
+    Attributes:
+        joints: Joints (m); NaN in a frame without a pose.
+        tips: Limb tips (m); NaN in a frame without a pose.
+        rotations: Rotation of each segment from the body frame at rest to the world; NaN in a frame without a pose.
+            None where an older version wrote the poses.
+        skeleton: The template (m), given or found by the run, to whose rest pose the rotations refer. None where they
+            are.
+        confidence: Probability that each joint is within 100 mm of the truth; 0 in a frame without a pose.
+        side_confidence: 0..1: how surely left and right are told apart in this frame; 0.5 means not at all.
+        status: A `Status` for each frame.
+        covariance: How far each joint may be off: covariance about where it is given (m^2); NaN in a frame without a
+            pose. None where an older version wrote the poses.
+        stature_deviation: Standard deviation of the skeleton's stature (m), if the run found it; None if it was given.
+    """
 
     joints: Float[np.ndarray, "frames joints=15 3"]
-    """Joints (m); NaN in a frame without a pose."""
     tips: Float[np.ndarray, "frames tips=5 3"]
-    """Limb tips (m); NaN in a frame without a pose."""
     rotations: Float[np.ndarray, "frames segments=17 3 3"] | None
-    """Rotation of each segment from the body frame at rest to the world; NaN in a frame without a pose. None where an
-    older version wrote the poses."""
     skeleton: Skeleton | None
-    """The template (m), given or found by the run, to whose rest pose the rotations refer. None where they are."""
     confidence: Float[np.ndarray, "frames joints=15"]
-    """Probability that each joint is within 100 mm of the truth; 0 in a frame without a pose."""
     side_confidence: Float[np.ndarray, " frames"]
-    """0..1: how surely left and right are told apart in this frame; 0.5 means not at all."""
     status: Int[np.ndarray, " frames"]
-    """A `Status` for each frame."""
     fps: float
     up: str
     frame_index: Int[np.ndarray, " frames"]
     covariance: Float[np.ndarray, "frames joints=15 3 3"] | None = None
-    """How far each joint may be off: covariance about where it is given (m^2); NaN in a frame without a pose. None
-    where an older version wrote the poses."""
     stature_deviation: float | None = None
-    """Standard deviation of the skeleton's stature (m), if the run found it; None if it was given."""
 
     def __len__(self) -> int:
         return len(self.joints)

@@ -31,17 +31,20 @@ _FEET = tuple(JOINT_NAMES.index(name) for name in ("l_foot", "r_foot"))
 
 
 class Score(eqx.Module):
-    """Distances of poses from the truth in the frames whose truth is known. Made by [`score`][]."""
+    """Distances of poses from the truth in the frames whose truth is known. Made by [`score`][].
+
+    Attributes:
+        distances: Distance of each joint from the truth (m); infinite where there is no pose.
+        forgiven: The same after arms or legs have been exchanged in frames where that is better.
+        threshold: A joint farther than this from the truth is wrong (m).
+        without_truth: Frames left out because their truth is not known.
+    """
 
     distances: Float[np.ndarray, "frames joints=15"]
-    """Distance of each joint from the truth (m); infinite where there is no pose."""
     forgiven: Float[np.ndarray, "frames joints=15"]
-    """The same after arms or legs have been exchanged in frames where that is better."""
     has_pose: Bool[np.ndarray, " frames"]
     threshold: float
-    """A joint farther than this from the truth is wrong (m)."""
     without_truth: int = 0
-    """Frames left out because their truth is not known."""
 
     def __len__(self) -> int:
         return len(self.distances)

@@ -15,16 +15,30 @@ from ._silhouettes import Silhouettes
 
 
 class Truth(eqx.Module):
-    """Ground truth of a recording, for scoring only."""
+    """Ground truth of a recording, for scoring only.
+
+    Attributes:
+        joints: Joints in the recording's world (m).
+        tips: Limb tips in the recording's world (m).
+    """
 
     joints: Float[np.ndarray, "frames joints=15 3"]
-    """Joints in the recording's world (m)."""
     tips: Float[np.ndarray, "frames tips=5 3"] | None = None
-    """Limb tips in the recording's world (m)."""
 
 
 class Recording(eqx.Module):
     """Silhouettes of one person in all views, with the cameras that define the world.
+
+    Attributes:
+        silhouettes: Packed bits (1 = person), as from `numpy.packbits` over the width; in memory, or read frame by
+            frame.
+        fps: Frames per second of these frames.
+        up: World axis that points up: one of `UP_AXES`.
+        frame_index: Number of each frame in the original material.
+        skeleton: The subject's dimensions, if known.
+        turns: Rotation of each camera's images after its calibration (degrees, clockwise), where known. `cameras`
+            describe the images as they are now.
+        data: What else is known of each frame, by names of your own, see `with_data`.
 
     Raises:
         ValueError: The silhouettes are not packed bits of these cameras, or `fps` or `up` makes no sense.
@@ -32,22 +46,14 @@ class Recording(eqx.Module):
 
     cameras: Cameras
     silhouettes: Silhouettes
-    """Packed bits (1 = person), as from `numpy.packbits` over the width; in memory, or read frame by frame."""
     fps: float
-    """Frames per second of these frames."""
     up: str
-    """World axis that points up: one of `UP_AXES`."""
     frame_index: Int[np.ndarray, " frames"]
-    """Number of each frame in the original material."""
     skeleton: Skeleton | None = None
-    """The subject's dimensions, if known."""
     truth: Truth | None = None
     name: str = "recording"
     turns: Int[np.ndarray, " cams"] | None = None
-    """Rotation of each camera's images after its calibration (degrees, clockwise), where known. `cameras` describe the
-    images as they are now."""
     data: dict[str, Float[np.ndarray, "_ ..."]] = eqx.field(default_factory=dict)
-    """What else is known of each frame, by names of your own, see `with_data`."""
 
     def __check_init__(self):
         """Reject silhouettes that are not those of the cameras, and facts that make no sense."""

@@ -12,10 +12,13 @@ _AT_ONCE = 32
 
 
 class AbstractSilhouettes(ABC):
-    """Packed bits of frames that are stored elsewhere, indexed like an array ``frames cams h w8``."""
+    """Packed bits of frames that are stored elsewhere, indexed like an array ``frames cams h w8``.
+
+    Attributes:
+        shape: Frames, cameras, height (px), width (bytes of 8 px).
+    """
 
     shape: tuple[int, int, int, int]
-    """Frames, cameras, height (px), width (bytes of 8 px)."""
 
     @abstractmethod
     def read(self, frames: Int[np.ndarray, " some"]) -> UInt8[np.ndarray, "some cams h w8"]:

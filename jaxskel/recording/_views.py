@@ -28,14 +28,17 @@ def silhouette_areas(silhouettes: Silhouettes) -> Int[np.ndarray, "frames cams"]
 
 
 class Box(NamedTuple):
-    """Bounding box of the person in an image: rows and columns (px)."""
+    """Bounding box of the person in an image: rows and columns (px).
+
+    Attributes:
+        bottom: One past the last row.
+        right: One past the last column.
+    """
 
     top: int
     bottom: int
-    """One past the last row."""
     left: int
     right: int
-    """One past the last column."""
 
 
 def person_boxes(silhouettes: UInt8[np.ndarray, "*views h w8"]) -> list[Box | None]:

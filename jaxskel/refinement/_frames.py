@@ -31,23 +31,26 @@ _STACKS = _AT_ONCE, STACK
 
 
 class Refined(eqx.Module):
-    """Refined poses of some frames, the final cost of each term, and the solver's outcome."""
+    """Refined poses of some frames, the final cost of each term, and the solver's outcome.
+
+    Attributes:
+        joints: (m, in the world)
+        tips: (m, in the world)
+        covariance: Of each joint, see `joint_covariance`: in m^2 if a residual of one is one standard deviation.
+        costs: Weighted cost of each term, by its name.
+        converged: Whether the last solve met the solver's tolerances within its steps.
+        finite: Whether the pose and its costs are finite; if not, the initial pose is returned.
+        steps: Number of solver steps of the last solve.
+    """
 
     pose: Pose
     joints: Float[Array, "*frames joints=15 3"]
-    """(m, in the world)"""
     tips: Float[Array, "*frames tips=5 3"]
-    """(m, in the world)"""
     covariance: Float[Array, "*frames joints=15 3 3"]
-    """Of each joint, see `joint_covariance`: in m^2 if a residual of one is one standard deviation."""
     costs: dict[str, Float[Array, "*frames"]]
-    """Weighted cost of each term, by its name."""
     converged: Bool[Array, "*frames"]
-    """Whether the last solve met the solver's tolerances within its steps."""
     finite: Bool[Array, "*frames"]
-    """Whether the pose and its costs are finite; if not, the initial pose is returned."""
     steps: Int[Array, "*frames"]
-    """Number of solver steps of the last solve."""
 
 
 def refine_frame(

@@ -26,13 +26,16 @@ _HOLD = 1e-5
 
 
 class Learned(eqx.Module):
-    """An objective with learned weights, and its errors during learning."""
+    """An objective with learned weights, and its errors during learning.
+
+    Attributes:
+        losses: Mean error of the labelled joints (m, quadratic below a centimetre) of each objective tried, in order.
+        converged: Frames whose last solve converged; only these have a gradient and take part in the learning.
+    """
 
     objective: Objective
     losses: Float[np.ndarray, " evaluations"]
-    """Mean error of the labelled joints (m, quadratic below a centimetre) of each objective tried, in order."""
     converged: Bool[np.ndarray, " frames"]
-    """Frames whose last solve converged; only these have a gradient and take part in the learning."""
 
     @property
     def weights(self) -> dict[str, float]:

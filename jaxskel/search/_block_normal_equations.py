@@ -14,14 +14,17 @@ from ..refinement.parametrisations import Motion
 
 
 class Limbs(NamedTuple):
-    """Groups of unknowns; no capsule is moved by two of different limbs. Rows are padded with -1 to equal lengths."""
+    """Groups of unknowns; no capsule is moved by two of different limbs. Rows are padded with -1 to equal lengths.
+
+    Attributes:
+        trunk: Unknowns of the trunk: those that share capsules with the unknowns of several limbs.
+        own: All other unknowns, by limb.
+        capsules: Capsules that each limb's unknowns move; others may exist that only the trunk moves.
+    """
 
     trunk: Int[np.ndarray, " trunk"]
-    """Unknowns of the trunk: those that share capsules with the unknowns of several limbs."""
     own: Int[np.ndarray, "limbs own"]
-    """All other unknowns, by limb."""
     capsules: Int[np.ndarray, "limbs most"]
-    """Capsules that each limb's unknowns move; others may exist that only the trunk moves."""
 
 
 def limbs_of(moved: Bool[np.ndarray, "unknowns capsules"]) -> Limbs:

@@ -14,10 +14,13 @@ _ALL = np.arange(len(SEGMENT_NAMES))
 
 
 class Hypotheses(eqx.Module):
-    """Poses of some frames, the same number for each, the cheapest first; costs are those of `volume_objective`."""
+    """Poses of some frames, the same number for each, the cheapest first; costs are those of `volume_objective`.
+
+    Attributes:
+        poses: Axes ``frames hypotheses``.
+    """
 
     poses: Pose
-    """Axes ``frames hypotheses``."""
     cost: Float[np.ndarray, "frames hypotheses"]
 
     @property
@@ -32,14 +35,17 @@ class Hypotheses(eqx.Module):
 
 
 class Pool(eqx.Module):
-    """Poses of the frames of a stack, any number for each frame."""
+    """Poses of the frames of a stack, any number for each frame.
+
+    Attributes:
+        frame: Index of the frame that each pose belongs to.
+        poses: Axis ``n``.
+        cost: Cost of each pose; infinite until it is computed.
+    """
 
     frame: Int[np.ndarray, " n"]
-    """Index of the frame that each pose belongs to."""
     poses: Pose
-    """Axis ``n``."""
     cost: Float[np.ndarray, " n"]
-    """Cost of each pose; infinite until it is computed."""
 
     def __len__(self) -> int:
         return len(self.frame)

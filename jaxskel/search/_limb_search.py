@@ -42,30 +42,36 @@ _APART = 0.12
 
 
 class Limb(eqx.Module):
-    """A limb and its table of poses. What differs between left and right is data, so that one program serves both."""
+    """A limb and its table of poses. What differs between left and right is data, so that one program serves both.
+
+    Attributes:
+        kind: ``arm`` or ``leg``.
+        segments: Chest or pelvis, upper bone, lower bone, hand or foot.
+        balls: From shoulder or hip to palm or ball of the foot.
+        others: Capsules of the rest of the body.
+    """
 
     kind: str = eqx.field(static=True)
-    """``arm`` or ``leg``."""
     table: LimbTable
     segments: Int[Array | np.ndarray, "parts=4"]
-    """Chest or pelvis, upper bone, lower bone, hand or foot."""
     balls: Int[Array | np.ndarray, "points=5"]
-    """From shoulder or hip to palm or ball of the foot."""
     others: Int[Array | np.ndarray, " capsules"]
-    """Capsules of the rest of the body."""
 
 
 class Scored(eqx.Module):
-    """The cheapest poses of one limb."""
+    """The cheapest poses of one limb.
+
+    Attributes:
+        index: Rows of the table.
+        cost: Cost of lying outside the hull or inside the trunk.
+        left: Remaining cost of each unexplained ray.
+        joints: Middle joint and end of the limb, relative to shoulder or hip (m, world axes).
+    """
 
     index: Int[Array, " best"]
-    """Rows of the table."""
     cost: Float[Array, " best"]
-    """Cost of lying outside the hull or inside the trunk."""
     left: Float[Array, "best rays"]
-    """Remaining cost of each unexplained ray."""
     joints: Float[Array, "best 2 3"]
-    """Middle joint and end of the limb, relative to shoulder or hip (m, world axes)."""
 
 
 _SEGMENTS = {

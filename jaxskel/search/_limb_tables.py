@@ -14,18 +14,22 @@ _Row = tuple[int, float, float]
 
 
 class LimbTable(eqx.Module):
-    """Poses of one arm or leg, relative to the frame of the chest or the pelvis."""
+    """Poses of one arm or leg, relative to the frame of the chest or the pelvis.
+
+    Attributes:
+        upper: Rotation of upper arm or thigh, from the body frame at rest to the frame of chest or pelvis.
+        lower: Rotation of forearm or shank, in the same frames; hand or foot turns with it.
+        direction: Index of the upper bone's direction, which many poses share.
+        upper_points: Middle of the upper bone, and elbow or knee, relative to shoulder or hip (m).
+        lower_points: Middle of the lower bone, wrist or ankle, and palm or ball of the foot, relative to shoulder or
+            hip (m).
+    """
 
     upper: Float[Array | np.ndarray, "poses 3 3"]
-    """Rotation of upper arm or thigh, from the body frame at rest to the frame of chest or pelvis."""
     lower: Float[Array | np.ndarray, "poses 3 3"]
-    """Rotation of forearm or shank, in the same frames; hand or foot turns with it."""
     direction: Int[Array | np.ndarray, " poses"]
-    """Index of the upper bone's direction, which many poses share."""
     upper_points: Float[Array | np.ndarray, "directions points=2 3"]
-    """Middle of the upper bone, and elbow or knee, relative to shoulder or hip (m)."""
     lower_points: Float[Array | np.ndarray, "poses points=3 3"]
-    """Middle of the lower bone, wrist or ankle, and palm or ball of the foot, relative to shoulder or hip (m)."""
 
 
 def arm_table(skeleton: Skeleton, side: str) -> LimbTable:

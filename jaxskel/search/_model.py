@@ -12,14 +12,17 @@ _LIMBS = "l_arm", "r_arm", "l_leg", "r_leg"
 
 
 class Model(eqx.Module):
-    """The subject's body, prepared for the search."""
+    """The subject's body, prepared for the search.
+
+    Attributes:
+        armless: The body without arms.
+        objective: The search's objective of a pose of the whole body.
+    """
 
     body: Body
     armless: Body
-    """The body without arms."""
     limbs: dict[str, Limb]
     objective: Objective
-    """The search's objective of a pose of the whole body."""
 
     @property
     def skeleton(self) -> Skeleton:

@@ -44,33 +44,40 @@ _Propose = Callable[[Pose, Array], Pose]
 
 
 class Search(eqx.Module):
-    """What a search for poses minimises, its breadth and depth. Margins and costs are in the units of its objective."""
+    """What a search for poses minimises, its breadth and depth. Margins and costs are in the units of its objective.
+
+    Attributes:
+        objective: Fits every hypothesis and decides between them: an objective, whose terms are given the subject's
+            body, or a function that makes one for it. Margins below are for costs like those of `volume_objective`.
+        rough_steps: Steps of the first, rough fit of each start.
+        starts: Starts kept after the rough fit.
+        leg_steps: Steps of the fit of trunk and legs, without arms.
+        trunks: Largest number of trunk-and-leg hypotheses kept half-way through `leg_steps`, and of those that get
+            arms.
+        trunk_margin: A trunk-and-leg hypothesis is kept if it costs at most this much more than the cheapest of its
+            frame.
+        margin: The same margin for hypotheses with all limbs.
+        pairs: Pairs of limb poses that a search for two limbs proposes. Static: another number compiles again.
+        singles: Limb poses that the search for a single arm proposes. Static: another number compiles again.
+        steps: Steps of a fit with all limbs; only promising hypotheses take the second half of them.
+        again: Largest number of times that each arm is removed and searched for again; stops when the cost no longer
+            falls.
+        doubtful: Above this cost the legs are searched for too, and then the search starts again from the fallback
+            poses.
+    """
 
     objective: GivenObjective = volume_objective
-    """Fits every hypothesis and decides between them: an objective, whose terms are given the subject's body, or a
-    function that makes one for it. Margins below are for costs like those of `volume_objective`."""
     rough_steps: int = 4
-    """Steps of the first, rough fit of each start."""
     starts: int = 4
-    """Starts kept after the rough fit."""
     leg_steps: int = 10
-    """Steps of the fit of trunk and legs, without arms."""
     trunks: int = 2
-    """Largest number of trunk-and-leg hypotheses kept half-way through `leg_steps`, and of those that get arms."""
     trunk_margin: float = 20.0
-    """A trunk-and-leg hypothesis is kept if it costs at most this much more than the cheapest of its frame."""
     margin: float = 10.0
-    """The same margin for hypotheses with all limbs."""
     pairs: int = eqx.field(static=True, default=4)
-    """Pairs of limb poses that a search for two limbs proposes. Static: another number compiles again."""
     singles: int = eqx.field(static=True, default=4)
-    """Limb poses that the search for a single arm proposes. Static: another number compiles again."""
     steps: int = 8
-    """Steps of a fit with all limbs; only promising hypotheses take the second half of them."""
     again: int = 2
-    """Largest number of times that each arm is removed and searched for again; stops when the cost no longer falls."""
     doubtful: float = 45.0
-    """Above this cost the legs are searched for too, and then the search starts again from the fallback poses."""
 
     def __check_init__(self):
         """Reject what is no objective, and numbers that make no sense."""

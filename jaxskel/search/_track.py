@@ -27,12 +27,15 @@ _FAR = 0.2
 
 
 class Proposed(NamedTuple):
-    """Start poses for a full search in some frames."""
+    """Start poses for a full search in some frames.
+
+    Attributes:
+        starts: Axes ``frames starts``.
+        sides: Confidence that left and right are not exchanged (0.5..1).
+    """
 
     starts: Pose
-    """Axes ``frames starts``."""
     sides: Float[np.ndarray, " frames"]
-    """Confidence that left and right are not exchanged (0.5..1)."""
 
 
 def track_frames(

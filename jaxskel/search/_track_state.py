@@ -13,14 +13,18 @@ from ..body import Pose
 
 
 class Tracking(eqx.Module):
-    """Settings of tracking."""
+    """Settings of tracking.
+
+    Attributes:
+        interval: Time between two full searches (s): the longest time that the track can follow a pose that another one
+            beats.
+        steps: Steps of the fit that starts at the pose of the frame before.
+        margin: Hysteresis: the track switches to another pose only if that is cheaper by this cost.
+    """
 
     interval: float = 0.25
-    """Time between two full searches (s): the longest time that the track can follow a pose that another one beats."""
     steps: int = 6
-    """Steps of the fit that starts at the pose of the frame before."""
     margin: float = 2.0
-    """Hysteresis: the track switches to another pose only if that is cheaper by this cost."""
 
     def __check_init__(self):
         """Reject numbers that make no sense."""
@@ -30,44 +34,53 @@ class Tracking(eqx.Module):
 
 
 class Searched(NamedTuple):
-    """What a full search found in one frame."""
+    """What a full search found in one frame.
+
+    Attributes:
+        sides: Confidence that left and right are not exchanged (0.5..1).
+    """
 
     pose: Pose
     cost: float
     sides: float
-    """Confidence that left and right are not exchanged (0.5..1)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Ongoing:
-    """A search in one frame while later ones are followed. No tree of arrays: JAX does not look into it."""
+    """A search in one frame while later ones are followed. No tree of arrays: JAX does not look into it.
+
+    Attributes:
+        pose: Pose of the track in the frame that is searched in.
+        cost: Its cost.
+        in_doubt: Whether it began because the track cost more than is usual; it goes faster then.
+        rested: Whether it rested in the last frame.
+    """
 
     steps: Steps[Searched]
     pose: Pose
-    """Pose of the track in the frame that is searched in."""
     cost: float
-    """Its cost."""
     in_doubt: bool = False
-    """Whether it began because the track cost more than is usual; it goes faster then."""
     rested: bool = True
-    """Whether it rested in the last frame."""
 
 
 class Track(eqx.Module):
-    """State of tracking after the last frame."""
+    """State of tracking after the last frame.
+
+    Attributes:
+        since: Frames since the last full search.
+        costs: Costs of the most recent poses.
+        sides: Confidence of the last full search that left and right are not exchanged (0.5..1).
+        ongoing: A search that lasts over several frames of a stream.
+        hurried: Whether searches are put off in the next frame of a stream, because other frames wait.
+    """
 
     last: Pose
     before: Pose
     since: int
-    """Frames since the last full search."""
     costs: Float[np.ndarray, " recent"]
-    """Costs of the most recent poses."""
     sides: float = 0.5
-    """Confidence of the last full search that left and right are not exchanged (0.5..1)."""
     ongoing: Ongoing | None = None
-    """A search that lasts over several frames of a stream."""
     hurried: bool = eqx.field(static=True, default=False)
-    """Whether searches are put off in the next frame of a stream, because other frames wait."""
 
 
 def must_be_found(track: Track) -> bool:

@@ -33,12 +33,15 @@ _SHARE_OF_JOINT = np.array([_SHARES[name.removeprefix("l_").removeprefix("r_")] 
 
 
 class Uncertainty(NamedTuple):
-    """How far joints may be off."""
+    """How far joints may be off.
+
+    Attributes:
+        covariance: Of each joint about where it is given (m^2).
+        confidence: Probability that it is within 100 mm of the truth.
+    """
 
     covariance: Float[np.ndarray, "frames joints=15 3 3"]
-    """Of each joint about where it is given (m^2)."""
     confidence: Float[np.ndarray, "frames joints=15"]
-    """Probability that it is within 100 mm of the truth."""
 
 
 def searched_uncertainty(

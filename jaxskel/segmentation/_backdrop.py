@@ -27,12 +27,15 @@ class ColouredBackdrop:
 
     Cloth is recognised by chroma over luma: shading and shadows change both by the same factor, so shadows count as
     background in any light, and no image of the empty room is needed.
+
+    Attributes:
+        tint: Cr and Cb of the cloth, as shares of its luma.
+        darkest: Luma of the darkest cloth (levels): anything much darker is not cloth in shadow but black hair or
+            clothes.
     """
 
     tint: Float[np.ndarray, "2"]
-    """Cr and Cb of the cloth, as shares of its luma."""
     darkest: float
-    """Luma of the darkest cloth (levels): anything much darker is not cloth in shadow but black hair or clothes."""
 
     def foreground(self, image: UInt8[np.ndarray, "h w 3"]) -> Bool[np.ndarray, "h w"]:
         """Pixels that do not show the cloth: nearer to grey than to its colour, of another hue, or too dark."""

@@ -13,16 +13,19 @@ _NARROW = 0.045
 
 @dataclass(frozen=True)
 class Cleaning:
-    """Steps applied to a raw silhouette, in this order; each can be switched off."""
+    """Steps applied to a raw silhouette, in this order; each can be switched off.
+
+    Attributes:
+        smooth: 3 x 3 majority (median) filter: removes single pixels, keeps lines two pixels wide.
+        largest: Keep the largest connected part as the person, without smaller ones. Parts less than 3.5 cm apart count
+            as connected, except for specks of less than 3.5 cm by 3.5 cm.
+        fill: Close slits narrower than 3.5 cm and fill holes of less than 3.5 cm by 3.5 cm: what is missing in one view
+            is carved away for good. Wider gaps between an arm and the trunk stay.
+    """
 
     smooth: bool = True
-    """3 x 3 majority (median) filter: removes single pixels, keeps lines two pixels wide."""
     largest: bool = True
-    """Keep the largest connected part as the person, without smaller ones. Parts less than 3.5 cm apart count as
-    connected, except for specks of less than 3.5 cm by 3.5 cm."""
     fill: bool = True
-    """Close slits narrower than 3.5 cm and fill holes of less than 3.5 cm by 3.5 cm: what is missing in one view is
-    carved away for good. Wider gaps between an arm and the trunk stay."""
 
     def apply(self, mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
         """Clean a silhouette (True = person)."""

@@ -41,15 +41,19 @@ _MAD = 1.4826  # ratio of standard deviation to median absolute deviation of a G
 
 @dataclass(frozen=True)
 class Plate:
-    """A static background, seen by a camera that does not move. Make one with [`plate_of`][]."""
+    """A static background, seen by a camera that does not move. Make one with [`plate_of`][].
+
+    Attributes:
+        mean: Colours of the background (levels; blue, green, red).
+        spread: Standard deviation of luma, Cr and Cb (levels): noise over time, rounding, and edges moved by camera
+            sway.
+        shadows: Whether shadows count as background. A shadow leaves at least 0.6 of the level and keeps the tint;
+            parts of a person that look like that against the background are lost too.
+    """
 
     mean: Float[np.ndarray, "h w 3"]
-    """Colours of the background (levels; blue, green, red)."""
     spread: Float[np.ndarray, "h w 3"]
-    """Standard deviation of luma, Cr and Cb (levels): noise over time, rounding, and edges moved by camera sway."""
     shadows: bool = True
-    """Whether shadows count as background. A shadow leaves at least 0.6 of the level and keeps the tint; parts of a
-    person that look like that against the background are lost too."""
 
     def foreground(self, image: UInt8[np.ndarray, "h w 3"]) -> Bool[np.ndarray, "h w"]:
         """Pixels at which the image shows something other than the plate.

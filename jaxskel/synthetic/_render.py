@@ -11,18 +11,21 @@ from ..recording import pack_silhouettes
 
 
 class View(eqx.Module):
-    """The viewing rays of all pixels of one camera. Make one with [`make_view`][]."""
+    """The viewing rays of all pixels of one camera. Make one with [`make_view`][].
+
+    Attributes:
+        centre: Optical centre in the world (m).
+        rotation: From world to camera.
+        directions: Unit viewing directions in the world; NaN where the lens sees nothing.
+        columns: Smallest and largest x / z in camera coordinates that each column of pixels sees.
+        rows: Smallest and largest y / z in camera coordinates that each row of pixels sees.
+    """
 
     centre: Float[np.ndarray, "3"]
-    """Optical centre in the world (m)."""
     rotation: Float[np.ndarray, "3 3"]
-    """From world to camera."""
     directions: Float[np.ndarray, "h w 3"]
-    """Unit viewing directions in the world; NaN where the lens sees nothing."""
     columns: Float[np.ndarray, "2 w"]
-    """Smallest and largest x / z in camera coordinates that each column of pixels sees."""
     rows: Float[np.ndarray, "2 h"]
-    """Smallest and largest y / z in camera coordinates that each row of pixels sees."""
 
 
 def make_view(cameras: Cameras, index: int) -> View:

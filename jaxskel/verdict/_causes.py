@@ -26,22 +26,28 @@ MOST_PERSON = 0.5
 
 
 class Cause(NamedTuple):
-    """A fault that explains why views contradict each other."""
+    """A fault that explains why views contradict each other.
+
+    Attributes:
+        told: The fault, as a predicate whose subject is the views.
+        misfit: Misfit that remains once the fault is mended (half heights).
+    """
 
     views: tuple[int, ...]
     told: str
-    """The fault, as a predicate whose subject is the views."""
     misfit: float
-    """Misfit that remains once the fault is mended (half heights)."""
 
 
 class Material(NamedTuple):
-    """Source of a scene's silhouettes, from which other frames can be read."""
+    """Source of a scene's silhouettes, from which other frames can be read.
+
+    Attributes:
+        chosen: Frame numbers of the scene.
+    """
 
     cameras: Cameras
     silhouettes: Silhouettes
     chosen: Int[np.ndarray, " frames"]
-    """Frame numbers of the scene."""
 
 
 def simple_cause(scene: Scene, culprits: Culprits, material: Material) -> Cause | None:

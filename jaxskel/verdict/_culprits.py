@@ -23,18 +23,21 @@ _SUSPECTS = 4
 
 
 class Culprits(NamedTuple):
-    """Views that contradict the others."""
+    """Views that contradict the others.
+
+    Attributes:
+        views: The rest agrees without all of these; empty if there are no such views.
+        suspects: Views in the order of the misfit without each, smallest first; a few even if `views` is empty.
+        alike: Number of suspects with nearly the same effect, so that nothing tells them apart.
+        before: Misfit of all views (half heights).
+        after: Misfit of the remaining views (half heights).
+    """
 
     views: tuple[int, ...]
-    """The rest agrees without all of these; empty if there are no such views."""
     suspects: tuple[int, ...]
-    """Views in the order of the misfit without each, smallest first; a few even if `views` is empty."""
     alike: int
-    """Number of suspects with nearly the same effect, so that nothing tells them apart."""
     before: float
-    """Misfit of all views (half heights)."""
     after: float
-    """Misfit of the remaining views (half heights)."""
 
     @property
     def likely(self) -> tuple[int, ...]:

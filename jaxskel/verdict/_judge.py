@@ -46,25 +46,31 @@ class Severity(IntEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """One fault of a recording."""
+    """One fault of a recording.
+
+    Attributes:
+        views: The views at fault; empty if it is all of them, or none in particular.
+        told: A sentence: the fault, its likely cause and how to mend it.
+    """
 
     severity: Severity
     views: tuple[str, ...]
-    """The views at fault; empty if it is all of them, or none in particular."""
     told: str
-    """A sentence: the fault, its likely cause and how to mend it."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """The faults of a recording, worst first, and the figures behind them."""
+    """The faults of a recording, worst first, and the figures behind them.
+
+    Attributes:
+        misfit: How much each view contradicts the others: mean over its silhouettes, at the person's depth (m).
+        frames: Number of frames examined.
+    """
 
     findings: tuple[Finding, ...]
     misfit: Float[np.ndarray, " cams"] | None
-    """How much each view contradicts the others: mean over its silhouettes, at the person's depth (m)."""
     figures: Plausibility | None
     frames: int
-    """Number of frames examined."""
 
     @property
     def is_hopeless(self) -> bool:

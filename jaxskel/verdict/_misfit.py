@@ -29,15 +29,19 @@ _SPARE = 2
 
 
 class Outside(NamedTuple):
-    """How one silhouette relates to points around the person."""
+    """How one silhouette relates to points around the person.
+
+    Attributes:
+        distance: Distance from the silhouette, in half heights of the person; zero inside it, and where the view sees
+            nothing.
+        cell: Index of the image cell that the point falls into; the last cell if the point is not seen.
+        area: Silhouette pixels in each cell; zero in the last one.
+    """
 
     distance: Float[np.ndarray, " points"]
-    """Distance from the silhouette, in half heights of the person; zero inside it, and where the view sees nothing."""
     seen: Bool[np.ndarray, " points"]
     cell: Int[np.ndarray, " points"]
-    """Index of the image cell that the point falls into; the last cell if the point is not seen."""
     area: Float[np.ndarray, " cells"]
-    """Silhouette pixels in each cell; zero in the last one."""
 
 
 def outside(
@@ -58,17 +62,20 @@ def outside(
 
 
 class FrameEvidence(eqx.Module):
-    """How all views of one frame relate to the points that can explain a silhouette."""
+    """How all views of one frame relate to the points that can explain a silhouette.
+
+    Attributes:
+        distance: See `Outside`.
+        judged: For each view, the cells with a point that enough other views see.
+        near: Indices of these points.
+    """
 
     distance: Float[np.ndarray, "cams near"]
-    """See `Outside`."""
     seen: Bool[np.ndarray, "cams near"]
     cell: Int[np.ndarray, "cams near"]
     area: tuple[Float[np.ndarray, " _"], ...]
     judged: tuple[Bool[np.ndarray, " _"], ...]
-    """For each view, the cells with a point that enough other views see."""
     near: Int[np.ndarray, " near"]
-    """Indices of these points."""
 
 
 def frame_evidence(views: Sequence[Outside], misses: int = 0) -> FrameEvidence:

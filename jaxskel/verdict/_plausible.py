@@ -26,14 +26,17 @@ _AGREED, _SAME = 0.6, 0.5
 
 
 class Plausibility(NamedTuple):
-    """Measurements of what the silhouettes show."""
+    """Measurements of what the silhouettes show.
+
+    Attributes:
+        half: Half of the person's largest extent (m).
+        litres: Volume of the largest connected part of the hull (litres), median over the frames.
+        distances: Distance from each camera to the middle of the person, median over the frames (m).
+    """
 
     half: float
-    """Half of the person's largest extent (m)."""
     litres: float
-    """Volume of the largest connected part of the hull (litres), median over the frames."""
     distances: Float[np.ndarray, " cams"]
-    """Distance from each camera to the middle of the person, median over the frames (m)."""
 
 
 def plausibility(scene: Scene) -> Plausibility:

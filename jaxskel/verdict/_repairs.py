@@ -69,10 +69,13 @@ class Flipped:
 
 @dataclass(frozen=True)
 class QuarterTurn:
-    """Images that lie on their side, cut or padded to the size of upright ones."""
+    """Images that lie on their side, cut or padded to the size of upright ones.
+
+    Attributes:
+        quarters: Number of counterclockwise turns by 90 degrees that mend it.
+    """
 
     quarters: int
-    """Number of counterclockwise turns by 90 degrees that mend it."""
     keeps_size: bool = False
 
     @property
@@ -105,15 +108,18 @@ class Inverted:
 
 @dataclass(frozen=True)
 class Similarity:
-    """Images that are shifted, resized or rolled relative to the calibration."""
+    """Images that are shifted, resized or rolled relative to the calibration.
+
+    Attributes:
+        scale: Size of the image relative to the calibrated one, about the middle of the image.
+        down: How far the image lies to the right of and below its place (reduced px).
+        roll: Rotation of the image about its middle (rad).
+    """
 
     scale: float
-    """Size of the image relative to the calibrated one, about the middle of the image."""
     right: float
     down: float
-    """How far the image lies to the right of and below its place (reduced px)."""
     roll: float = 0.0
-    """Rotation of the image about its middle (rad)."""
 
     def told(self, step: int, focal: float) -> str:
         """The fault in words.

@@ -25,11 +25,14 @@ _SCALES = (1 / 3, 0.4, 0.5, 0.6, 2 / 3, 0.75, 0.8, 5 / 4, 4 / 3, 1.5, 5 / 3, 2.0
 
 
 class RigCause(NamedTuple):
-    """A fault of all views that explains why they contradict each other."""
+    """A fault of all views that explains why they contradict each other.
+
+    Attributes:
+        misfit: Misfit that remains once the fault is mended (half heights).
+    """
 
     told: str
     misfit: float
-    """Misfit that remains once the fault is mended (half heights)."""
 
 
 def rig_cause(scene: Scene) -> RigCause | None:

@@ -16,7 +16,11 @@ _KEPT = 0.75
 
 
 class Scene(eqx.Module):
-    """Some frames of a recording at a reduced size, seen by all views."""
+    """Some frames of a recording at a reduced size, seen by all views.
+
+    Attributes:
+        misses: Number of views of a frame that the most tolerant carving lets err.
+    """
 
     cameras: Cameras
     masks: Bool[np.ndarray, "frames cams rows columns"]
@@ -24,7 +28,6 @@ class Scene(eqx.Module):
     sights: tuple[Sight, ...]
     frames: tuple[FrameEvidence, ...]
     misses: int
-    """Number of views of a frame that the most tolerant carving lets err."""
 
     @property
     def every(self) -> Bool[np.ndarray, " cams"]:

@@ -21,25 +21,32 @@ _LONGEST_SIDE = 320
 
 
 class ReducedViews(NamedTuple):
-    """Some frames of a recording, small enough to be evaluated often."""
+    """Some frames of a recording, small enough to be evaluated often.
+
+    Attributes:
+        cameras: With intrinsics for the reduced images.
+        masks: True where most of a reduced pixel is person; all False if a view shows nobody.
+        steps: Side length in image pixels of one reduced pixel.
+    """
 
     cameras: Cameras
-    """With intrinsics for the reduced images."""
     masks: Bool[np.ndarray, "frames cams rows columns"]
-    """True where most of a reduced pixel is person; all False if a view shows nobody."""
     steps: Int[np.ndarray, " cams"]
-    """Side length in image pixels of one reduced pixel."""
 
 
 class Samples(NamedTuple):
-    """A cube of points around the person of each frame."""
+    """A cube of points around the person of each frame.
+
+    Attributes:
+        middle: Middle of the person in world coordinates (m).
+        half: Half height: half of the person's largest extent in the images, at the middle's depth (m); NaN if not
+            seen.
+        points: Offsets from the middle, in half heights; the last axis varies fastest, equally many along each.
+    """
 
     middle: Float[np.ndarray, "frames 3"]
-    """Middle of the person in world coordinates (m)."""
     half: Float[np.ndarray, " frames"]
-    """Half height: half of the person's largest extent in the images, at the middle's depth (m); NaN if not seen."""
     points: Float[np.ndarray, "points 3"]
-    """Offsets from the middle, in half heights; the last axis varies fastest, equally many along each."""
 
     @property
     def spacing(self) -> Float[np.ndarray, " frames"]:
@@ -48,14 +55,18 @@ class Samples(NamedTuple):
 
 
 class Sight(eqx.Module):
-    """Where one camera sees the sample points."""
+    """Where one camera sees the sample points.
+
+    Attributes:
+        pixel: Flat index (row times columns plus column) into the reduced image; -1 if the camera does not see the
+            point.
+        breadth: Width of a reduced pixel at the point's depth, in half heights of the person.
+        side: Side of the square cells (reduced px) that leave no gap between neighbouring points.
+    """
 
     pixel: Int[np.ndarray, "frames points"]
-    """Flat index (row times columns plus column) into the reduced image; -1 if the camera does not see the point."""
     breadth: Float[np.ndarray, "frames points"]
-    """Width of a reduced pixel at the point's depth, in half heights of the person."""
     side: Int[np.ndarray, " frames"]
-    """Side of the square cells (reduced px) that leave no gap between neighbouring points."""
 
 
 def reduce_views(cameras: Cameras, silhouettes: UInt8[np.ndarray, "frames cams h w8"]) -> ReducedViews:

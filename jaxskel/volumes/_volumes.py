@@ -18,10 +18,13 @@ _FARTHEST = 100.0
 
 
 class AbstractOccupancy(ABC):
-    """Occupied voxels of frames that are stored elsewhere."""
+    """Occupied voxels of frames that are stored elsewhere.
+
+    Attributes:
+        shape: Frames, then voxels along x, y and z.
+    """
 
     shape: tuple[int, int, int, int]
-    """Frames, then voxels along x, y and z."""
 
     @abstractmethod
     def read(self, frames: Int[np.ndarray, " some"]) -> Bool[np.ndarray, "some x y z"]:
@@ -29,19 +32,22 @@ class AbstractOccupancy(ABC):
 
 
 class Volumes(eqx.Module):
-    """The occupied voxels of a person in each frame. Make them with [`make_volumes`][]."""
+    """The occupied voxels of a person in each frame. Make them with [`make_volumes`][].
+
+    Attributes:
+        grid: Where the voxels lie in the world of `up` (m).
+        up: World axis that points up.
+        fps: Frames per second.
+        frame_index: Number of each frame in the original material.
+        skeleton: The subject's dimensions, if known.
+    """
 
     occupied: Bool[np.ndarray, "frames x y z"] | AbstractOccupancy
     grid: VoxelGrid
-    """Where the voxels lie in the world of `up` (m)."""
     up: str
-    """World axis that points up."""
     fps: float
-    """Frames per second."""
     frame_index: Int[np.ndarray, " frames"]
-    """Number of each frame in the original material."""
     skeleton: Skeleton | None = None
-    """The subject's dimensions, if known."""
     truth: Truth | None = None
     name: str = "volumes"
 

@@ -19,14 +19,17 @@ LOOKS: tuple[Look, ...] = tuple(product(((1, 1), (1, 2), (2, 2)), (1.0, 4.0, 8.0
 
 @dataclass(frozen=True)
 class Board:
-    """A checkerboard."""
+    """A checkerboard.
+
+    Attributes:
+        columns: Inner corners along a row, where four squares meet: one less than the number of squares.
+        rows: Inner corners along a column.
+        square: Edge of a square (m).
+    """
 
     columns: int
-    """Inner corners along a row, where four squares meet: one less than the number of squares."""
     rows: int
-    """Inner corners along a column."""
     square: float
-    """Edge of a square (m)."""
 
     def __post_init__(self) -> None:
         if min(self.columns, self.rows) < 3 or self.columns == self.rows:

@@ -18,16 +18,19 @@ _AT_REST = 0.5
 
 @dataclass(frozen=True)
 class StillBoard:
-    """Where a camera sees a board at rest."""
+    """Where a camera sees a board at rest.
+
+    Attributes:
+        corners: Mean over the frames, in the order of `Board.points` (px).
+        spread: Root mean square distance of the corners from their mean over the frames (px); 0 for a single picture.
+        frames: Number of frames in which the board was found.
+        size: Width and height of the images (px).
+    """
 
     corners: Float[np.ndarray, "corners 2"]
-    """Mean over the frames, in the order of `Board.points` (px)."""
     spread: float
-    """Root mean square distance of the corners from their mean over the frames (px); 0 for a single picture."""
     frames: int
-    """Number of frames in which the board was found."""
     size: tuple[int, int]
-    """Width and height of the images (px)."""
 
 
 def still_board(film: str | Path, board: Board) -> StillBoard:

@@ -23,18 +23,22 @@ _LEAST = 6  # views of a plane: three determine a lens without distortion, twice
 
 @dataclass(frozen=True)
 class Intrinsics:
-    """Intrinsics of a camera, and its image size."""
+    """Intrinsics of a camera, and its image size.
+
+    Attributes:
+        K: Intrinsic matrix (px).
+        dist: OpenCV's k1, k2, p1, p2 and optionally k3, k4, k5, k6; for a fisheye lens k1, k2, k3, k4 of cv2.fisheye.
+        size: Width and height of the image (px).
+        rms: Root mean square reprojection error of the corners (px); None if the lens was read from a file.
+        fisheye: Whether the lens model is that of `cv2.fisheye`; such lenses are only read from files, not calibrated
+            here.
+    """
 
     K: Float[np.ndarray, "3 3"]
-    """Intrinsic matrix (px)."""
     dist: Float[np.ndarray, " n"]
-    """OpenCV's k1, k2, p1, p2 and optionally k3, k4, k5, k6; for a fisheye lens k1, k2, k3, k4 of cv2.fisheye."""
     size: tuple[int, int]
-    """Width and height of the image (px)."""
     rms: float | None = None
-    """Root mean square reprojection error of the corners (px); None if the lens was read from a file."""
     fisheye: bool = False
-    """Whether the lens model is that of `cv2.fisheye`; such lenses are only read from files, not calibrated here."""
 
 
 def board_intrinsics(film: str | Path, board: Board) -> Intrinsics:

@@ -21,19 +21,22 @@ _WORST_FIT = 1.0
 
 @dataclass(frozen=True)
 class BoardCalibration:
-    """A rig calibrated with a board, and how well the board fits."""
+    """A rig calibrated with a board, and how well the board fits.
+
+    Attributes:
+        cameras: In the frame of the board (m): origin at its centre, x along its rows, z out of its face, towards the
+            cameras. For a board on the floor, z points up.
+        rms: Root mean square distance between the corners and their projections (px).
+        spread: Root mean square distance of the corners from their mean over the film (px).
+        turned: Cameras that saw a symmetric board from its other end, as the silhouettes showed or the caller stated.
+        coverage: Share of the silhouettes that the hull covers, if they decided the ends of the board.
+    """
 
     cameras: Cameras
-    """In the frame of the board (m): origin at its centre, x along its rows, z out of its face, towards the cameras.
-    For a board on the floor, z points up."""
     rms: Float[np.ndarray, " cams"]
-    """Root mean square distance between the corners and their projections (px)."""
     spread: Float[np.ndarray, " cams"]
-    """Root mean square distance of the corners from their mean over the film (px)."""
     turned: tuple[str, ...]
-    """Cameras that saw a symmetric board from its other end, as the silhouettes showed or the caller stated."""
     coverage: float | None
-    """Share of the silhouettes that the hull covers, if they decided the ends of the board."""
 
 
 def calibrate_cameras(

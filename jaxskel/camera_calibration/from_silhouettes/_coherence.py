@@ -26,12 +26,15 @@ NOTHING = -1e3
 
 
 class Sensitivity(eqx.Module):
-    """Residuals, linearised in the changes of the extrinsics."""
+    """Residuals, linearised in the changes of the extrinsics.
+
+    Attributes:
+        value: Residuals at zero change (px).
+        slopes: Derivatives by the rotation vector (px/rad) and the shift (px/m) of each camera.
+    """
 
     value: Float[Array, " rays"]
-    """Residuals at zero change (px)."""
     slopes: Float[Array, "rays cams 6"]
-    """Derivatives by the rotation vector (px/rad) and the shift (px/m) of each camera."""
 
 
 @cached_jit
@@ -61,14 +64,17 @@ def sensitivity(cameras: Cameras, lines: SightLines, images: DistanceImages, con
 
 
 class _Rays(eqx.Module):
-    """Rays of all frames, flattened."""
+    """Rays of all frames, flattened.
+
+    Attributes:
+        cameras: The camera of the ray, and those of its two judges.
+        images: Distance images of the two judges.
+    """
 
     directions: Float[Array, "rays 3"]
     depth: Float[Array, " rays"]
     cameras: Int[Array, "rays 3"]
-    """The camera of the ray, and those of its two judges."""
     images: Int[Array, "rays 2"]
-    """Distance images of the two judges."""
     share: Float[Array, " rays"]
     tells: Bool[Array, " rays"]
 

@@ -21,21 +21,22 @@ _UNKNOWN = -1e3
 
 
 class Contacts(eqx.Module):
-    """The place on each ray where the largest distance to the silhouettes of the other views is least."""
+    """The place on each ray where the largest distance to the silhouettes of the other views is least.
+
+    Attributes:
+        depth: Distance along the ray (m).
+        judges: The cameras with the largest distances just before and just behind the place.
+        share: Weight of the first judge in the residual; the second has the rest. Where the ray enters one silhouette
+            as it leaves another, both determine the place. The weights make the residual stationary in the depth, so
+            its derivatives at frozen depth equal those of the minimised largest distance (envelope theorem; the weights
+            are the multipliers of the two constraints).
+        known: Whether some other view sees the place.
+    """
 
     depth: Float[Array | np.ndarray, "*frames rays"]
-    """Distance along the ray (m)."""
     judges: Int[Array | np.ndarray, "*frames rays 2"]
-    """The cameras with the largest distances just before and just behind the place."""
     share: Float[Array | np.ndarray, "*frames rays"]
-    """Weight of the first judge in the residual; the second has the rest.
-
-    Where the ray enters one silhouette as it leaves another, both determine the place. The weights make the residual
-    stationary in the depth, so its derivatives at frozen depth equal those of the minimised largest distance (envelope
-    theorem; the weights are the multipliers of the two constraints).
-    """
     known: Bool[Array | np.ndarray, "*frames rays"]
-    """Whether some other view sees the place."""
 
 
 @cached_jit

@@ -18,14 +18,17 @@ _STEPS = 3
 
 
 class DistanceImages(eqx.Module):
-    """Signed distances (px) to the outlines of silhouettes on regular grids, negative inside the person."""
+    """Signed distances (px) to the outlines of silhouettes on regular grids, negative inside the person.
+
+    Attributes:
+        values: Grid values, ordered by frame, then by view.
+        step: Spacing of the grid (px).
+        size: Width and height (px) of the known part of each image: zero for a view that has lost the person.
+    """
 
     values: Float[Array | np.ndarray, "images rows columns"]
-    """Grid values, ordered by frame, then by view."""
     step: Int[Array | np.ndarray, ""]
-    """Spacing of the grid (px)."""
     size: Int[Array | np.ndarray, "images 2"]
-    """Width and height (px) of the known part of each image: zero for a view that has lost the person."""
 
     def at(
         self, image: Int[Array, "*points"], u: Float[Array, "*points"], v: Float[Array, "*points"]

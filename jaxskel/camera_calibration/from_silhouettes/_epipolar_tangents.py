@@ -36,17 +36,20 @@ _ALONE = 2.0
 
 
 class EpipolarTangents(eqx.Module):
-    """Pairs of rays that lie in one plane through both optical centres if the rig is right."""
+    """Pairs of rays that lie in one plane through both optical centres if the rig is right.
+
+    Attributes:
+        directions: Directions of the rays, each in the frame of its camera.
+        error: Standard deviation of each ray, relative to that of rays through smooth outlines.
+        alike: Number of tangents with common errors, as their rays share outline points; mean of both rays.
+        there: False for padding, which makes the number of tangents the same for any rig.
+    """
 
     cameras: Int[np.ndarray, "tangents 2"]
     directions: Float[np.ndarray, "tangents 2 3"]
-    """Directions of the rays, each in the frame of its camera."""
     error: Float[np.ndarray, "tangents 2"]
-    """Standard deviation of each ray, relative to that of rays through smooth outlines."""
     alike: Float[np.ndarray, " tangents"]
-    """Number of tangents with common errors, as their rays share outline points; mean of both rays."""
     there: Bool[np.ndarray, " tangents"]
-    """False for padding, which makes the number of tangents the same for any rig."""
 
 
 class _Planes(NamedTuple):
@@ -54,16 +57,18 @@ class _Planes(NamedTuple):
 
     The second axis separates planes with the outline at larger angles from those with it at smaller angles; both are
     ordered from the outermost inwards.
+
+    Attributes:
+        angle: Angle to the plane through the middle of the person, about the baseline (rad); NaN for padding.
+        spread: Standard deviation of the angle, if rays through smooth outlines err by a pixel (rad).
+        point: Index of the tangent point among all outline points.
+        outermost: Whether the first planes enclose the whole person.
     """
 
     angle: Float[np.ndarray, "*views 2 planes"]
-    """Angle to the plane through the middle of the person, about the baseline (rad); NaN for padding."""
     spread: Float[np.ndarray, "*views 2 planes"]
-    """Standard deviation of the angle, if rays through smooth outlines err by a pixel (rad)."""
     point: Int[np.ndarray, "*views 2 planes"]
-    """Index of the tangent point among all outline points."""
     outermost: Bool[np.ndarray, "*views"]
-    """Whether the first planes enclose the whole person."""
 
 
 def epipolar_tangents(

@@ -20,20 +20,24 @@ _FILLED = 1 << 16
 
 
 class OutlineChains(eqx.Module):
-    """Viewing rays through the outlines of the largest part of each silhouette, including its holes."""
+    """Viewing rays through the outlines of the largest part of each silhouette, including its holes.
+
+    Attributes:
+        directions: Unit vectors in the frame of the camera, ordered by frame, then by view.
+        neighbours: Indices of the points before and behind each point on its closed outline.
+        convex: Whether the person is on the inner side of the turn, as at the tip of a foot, not outside, as in an
+            armpit.
+        error: Standard deviation of each point, relative to points of smooth outlines.
+        first: Index of the first point of each view.
+        count: Number of points of each view: zero if it does not show the whole person.
+    """
 
     directions: Float[np.ndarray, "points 3"]
-    """Unit vectors in the frame of the camera, ordered by frame, then by view."""
     neighbours: Int[np.ndarray, "points near"]
-    """Indices of the points before and behind each point on its closed outline."""
     convex: Bool[np.ndarray, " points"]
-    """Whether the person is on the inner side of the turn, as at the tip of a foot, not outside, as in an armpit."""
     error: Float[np.ndarray, " points"]
-    """Standard deviation of each point, relative to points of smooth outlines."""
     first: Int[np.ndarray, "frames cams"]
-    """Index of the first point of each view."""
     count: Int[np.ndarray, "frames cams"]
-    """Number of points of each view: zero if it does not show the whole person."""
 
 
 def outline_chains(
@@ -68,13 +72,16 @@ def outline_chains(
 
 
 class _Followed(NamedTuple):
-    """Points of the outlines at pixel centres."""
+    """Points of the outlines at pixel centres.
+
+    Attributes:
+        owner: Index of the outline of each point.
+        image: Index of the image of each point, ordered by frame, then by view.
+    """
 
     uv: Int[np.ndarray, "points 2"]
     owner: Int[np.ndarray, " points"]
-    """Index of the outline of each point."""
     image: Int[np.ndarray, " points"]
-    """Index of the image of each point, ordered by frame, then by view."""
     error: Float[np.ndarray, " points"]
 
 

@@ -43,24 +43,27 @@ _HARDLY = 0.8
 
 
 class RefinedCameras(eqx.Module):
-    """A rig with refined extrinsics."""
+    """A rig with refined extrinsics.
+
+    Attributes:
+        cameras: The rig with new extrinsics (world to camera, m); intrinsics, sizes and names are unchanged.
+        rotation: Rotation of each camera: rotation vector in the camera's frame (rad), ``R_new = exp(rotation) R``.
+        shift: Shift of each optical centre in the world (m).
+        before: Mean distance by which outline rays of each camera miss the silhouettes of the others, as given (px).
+        after: The same distance after refinement (px). NaN if a camera has no outline in the frames used.
+        hardly_seen: Cameras of which the silhouettes tell little: they hardly moved, except along with the others.
+        converged: Whether the search converged: a round changed almost nothing.
+        frames: Numbers of the frames used.
+    """
 
     cameras: Cameras
-    """The rig with new extrinsics (world to camera, m); intrinsics, sizes and names are unchanged."""
     rotation: Float[np.ndarray, "cams 3"]
-    """Rotation of each camera: rotation vector in the camera's frame (rad), ``R_new = exp(rotation) R``."""
     shift: Float[np.ndarray, "cams 3"]
-    """Shift of each optical centre in the world (m)."""
     before: Float[np.ndarray, " cams"]
-    """Mean distance by which outline rays of each camera miss the silhouettes of the others, as given (px)."""
     after: Float[np.ndarray, " cams"]
-    """The same distance after refinement (px). NaN if a camera has no outline in the frames used."""
     hardly_seen: Bool[np.ndarray, " cams"]
-    """Cameras of which the silhouettes tell little: they hardly moved, except along with the others."""
     converged: bool
-    """Whether the search converged: a round changed almost nothing."""
     frames: Int[np.ndarray, " used"]
-    """Numbers of the frames used."""
 
 
 def refine_cameras(

@@ -13,13 +13,16 @@ _NEAR = 1.5
 
 
 class SightLines(eqx.Module):
-    """Viewing rays through the outlines of some frames, in the frames of their cameras."""
+    """Viewing rays through the outlines of some frames, in the frames of their cameras.
+
+    Attributes:
+        directions: Unit vectors.
+        there: False for padding: each view has the same number of rays, whatever the length of its outline.
+    """
 
     directions: Float[Array | np.ndarray, "*frames rays 3"]
-    """Unit vectors."""
     camera: Int[Array | np.ndarray, "*frames rays"]
     there: Bool[Array | np.ndarray, "*frames rays"]
-    """False for padding: each view has the same number of rays, whatever the length of its outline."""
 
 
 def sight_lines(

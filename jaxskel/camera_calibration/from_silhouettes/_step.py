@@ -25,12 +25,15 @@ _MAX_STEPS = 30
 
 
 class CameraStep(eqx.Module):
-    """Result of a step, in units of the prior's standard deviations."""
+    """Result of a step, in units of the prior's standard deviations.
+
+    Attributes:
+        unknowns: Rotation vectors and shifts, relative to the rig as given.
+        spread: Their standard deviations from outlines and prior together: 1 if the outlines tell nothing.
+    """
 
     unknowns: Float[Array, "cams 6"]
-    """Rotation vectors and shifts, relative to the rig as given."""
     spread: Float[Array, "cams 6"]
-    """Their standard deviations from outlines and prior together: 1 if the outlines tell nothing."""
 
 
 def noise_of(residuals: Float[Array | np.ndarray, " rays"], least: float) -> float:

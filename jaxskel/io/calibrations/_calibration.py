@@ -18,46 +18,55 @@ _NARROWEST_RIG = 0.1
 
 @dataclass(frozen=True)
 class Calibration:
-    """A calibrated rig from a file, in metres and in OpenCV's convention (world to camera)."""
+    """A calibrated rig from a file, in metres and in OpenCV's convention (world to camera).
+
+    Attributes:
+        cameras: The rig, validated (extrinsics in m, intrinsics in px).
+        up: World axis that points up, such as "+Z", as the format states or implies; None if it does neither.
+        format: Name of the recognised format, such as "Qualisys", for messages.
+        unposed: Names of cameras without a pose in the file, which are left out.
+    """
 
     cameras: Cameras
-    """The rig, validated (extrinsics in m, intrinsics in px)."""
     up: str | None
-    """World axis that points up, such as "+Z", as the format states or implies; None if it does neither."""
     format: str
-    """Name of the recognised format, such as "Qualisys", for messages."""
     unposed: tuple[str, ...] = ()
-    """Names of cameras without a pose in the file, which are left out."""
 
 
 @dataclass(frozen=True)
 class CameraEntry:
-    """One camera as its file describes it, in OpenCV's convention but in the file's unit of length."""
+    """One camera as its file describes it, in OpenCV's convention but in the file's unit of length.
+
+    Attributes:
+        dist: OpenCV's coefficients; for a fisheye lens the four of `cv2.fisheye`.
+        fisheye: Whether the lens model is that of `cv2.fisheye`.
+    """
 
     name: str
     K: np.ndarray
     R: np.ndarray
     t: np.ndarray
     dist: np.ndarray
-    """OpenCV's coefficients; for a fisheye lens the four of `cv2.fisheye`."""
     size: tuple[float, float] | None
     fisheye: bool = False
-    """Whether the lens model is that of `cv2.fisheye`."""
 
 
 @dataclass(frozen=True)
 class Contents:
-    """The result of a reader, not yet validated."""
+    """The result of a reader, not yet validated.
+
+    Attributes:
+        unit: Metres per unit of the file; None if the format has no scale.
+        unposed: Names of cameras without a pose, which are not among the entries.
+        scale_is: How the user can find the scale if the format has none.
+    """
 
     format: str
     entries: list[CameraEntry]
     unit: float | None
-    """Metres per unit of the file; None if the format has no scale."""
     up: str | None
     unposed: tuple[str, ...] = ()
-    """Names of cameras without a pose, which are not among the entries."""
     scale_is: str = "measure a length in the scene and give unit, the metres per unit of the file"
-    """How the user can find the scale if the format has none."""
 
 
 def camera_fault(path: Path, camera: str, message: str) -> ValueError:

@@ -21,12 +21,15 @@ _SAME = 1e-3
 
 @dataclass(frozen=True)
 class Part:
-    """A part of a camera."""
+    """A part of a camera.
+
+    Attributes:
+        names: Pattern of its names, without punctuation and capitals.
+        examples: The most common names, for messages.
+    """
 
     names: re.Pattern[str]
-    """Pattern of its names, without punctuation and capitals."""
     examples: str
-    """The most common names, for messages."""
 
 
 _CAMERA = r"(cameras?|cam)?"

@@ -23,13 +23,16 @@ _DAMAGED = "is no image that can be read; it is damaged or of another format: wr
 
 @dataclass(frozen=True)
 class Indexed:
-    """An image of palette indices, and the colours that they stand for."""
+    """An image of palette indices, and the colours that they stand for.
+
+    Attributes:
+        palette: Red, green and blue; indices may exceed the number of colours.
+        opacity: Opacity of the first colours; all others are opaque.
+    """
 
     indices: UInt8[np.ndarray, "h w"]
     palette: UInt8[np.ndarray, "colours 3"]
-    """Red, green and blue; indices may exceed the number of colours."""
     opacity: UInt8[np.ndarray, " some"]
-    """Opacity of the first colours; all others are opaque."""
 
 
 def read_image(path: Path, flags: int = cv2.IMREAD_UNCHANGED) -> Shaped[np.ndarray, "h w *channels"]:

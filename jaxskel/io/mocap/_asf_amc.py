@@ -28,8 +28,7 @@ class _Bone:
 
 @dataclass
 class _Asf:
-    bones: list[_Bone]
-    """The root first."""
+    bones: list[_Bone]  # the root first
     parents: list[int]
     root_position: np.ndarray
     length_unit: float

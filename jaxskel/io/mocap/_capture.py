@@ -19,20 +19,23 @@ _GREATEST_NUMBER = 1e9
 
 
 class Motion(eqx.Module):
-    """Joint positions of one clip of motion capture."""
+    """Joint positions of one clip of motion capture.
+
+    Attributes:
+        names: Name of each joint in the file; parents come before their children.
+        parents: Index of each joint's parent, -1 for the root.
+        positions: Joint positions in the world of the file (m).
+        rest: Joint positions with all angles zero, the root at the origin (m).
+        fps: Frames per second.
+        up: World axis that points up: one of `jaxskel.recording.UP_AXES`.
+    """
 
     names: tuple[str, ...] = eqx.field(static=True)
-    """Name of each joint in the file; parents come before their children."""
     parents: tuple[int, ...] = eqx.field(static=True)
-    """Index of each joint's parent, -1 for the root."""
     positions: Float[np.ndarray, "frames joints 3"]
-    """Joint positions in the world of the file (m)."""
     rest: Float[np.ndarray, "joints 3"]
-    """Joint positions with all angles zero, the root at the origin (m)."""
     fps: float
-    """Frames per second."""
     up: str
-    """World axis that points up: one of `jaxskel.recording.UP_AXES`."""
 
     def __len__(self) -> int:
         return len(self.positions)

@@ -25,16 +25,19 @@ BVH_NAMES = {point: name for name, parent, point, _ in reversed(RIG) if parent a
 
 @dataclass(frozen=True)
 class Animation:
-    """How well a written animation reproduces the poses."""
+    """How well a written animation reproduces the poses.
+
+    Attributes:
+        held: Number of frames without a pose, in which the animation repeats another pose.
+        deviation: Largest distance between a joint or tip and its place in the poses (m), nonzero where bones are
+            longer or shorter than the template's.
+        farthest: Joint or tip with the largest distance.
+    """
 
     path: Path
     held: int
-    """Number of frames without a pose, in which the animation repeats another pose."""
     deviation: float
-    """Largest distance between a joint or tip and its place in the poses (m), nonzero where bones are longer or shorter
-    than the template's."""
     farthest: str
-    """Joint or tip with the largest distance."""
 
 
 def write_bvh(path: str | Path, poses: Poses, *, up: str = "+Y", scale: float = 0.01) -> Animation:

@@ -10,17 +10,20 @@ from ...recording import rotation_to_z_up
 
 
 class Markers(eqx.Module):
-    """Named points over time."""
+    """Named points over time.
+
+    Attributes:
+        positions: Positions in the world of the file (m); NaN if a marker was not seen.
+        fps: Frames per second.
+        up: World axis that points up: one of `jaxskel.recording.UP_AXES`.
+        frame_index: Number of each frame.
+    """
 
     names: tuple[str, ...] = eqx.field(static=True)
     positions: Float[np.ndarray, "frames markers 3"]
-    """Positions in the world of the file (m); NaN if a marker was not seen."""
     fps: float
-    """Frames per second."""
     up: str
-    """World axis that points up: one of `jaxskel.recording.UP_AXES`."""
     frame_index: Int[np.ndarray, " frames"]
-    """Number of each frame."""
 
     def __len__(self) -> int:
         return len(self.positions)

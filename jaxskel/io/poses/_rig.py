@@ -42,24 +42,30 @@ _POINT_NAMES = JOINT_NAMES + TIP_NAMES + PIVOT_NAMES
 
 @dataclass(frozen=True)
 class Rig:
-    """Offsets and rotations of the joints, in the order of `RIG`."""
+    """Offsets and rotations of the joints, in the order of `RIG`.
+
+    Attributes:
+        offsets: Offset from the parent, at rest (m).
+        root: Position of the first joint in the world (m).
+        rotations: Rotation from rest to the world; end points have those of their parents.
+    """
 
     offsets: Float[np.ndarray, "joints 3"]
-    """Offset from the parent, at rest (m)."""
     root: Float[np.ndarray, "frames 3"]
-    """Position of the first joint in the world (m)."""
     rotations: Float[np.ndarray, "frames joints 3 3"]
-    """Rotation from rest to the world; end points have those of their parents."""
 
 
 @dataclass(frozen=True)
 class TPose:
-    """The template in a T-pose. It takes as long to make as some fifty poses of it."""
+    """The template in a T-pose. It takes as long to make as some fifty poses of it.
+
+    Attributes:
+        offsets: Offset of each joint from its parent (m).
+        upright: Rotation of each segment from the template's rest to the T-pose.
+    """
 
     offsets: Float[np.ndarray, "joints 3"]
-    """Offset of each joint from its parent (m)."""
     upright: Float[np.ndarray, "segments=17 3 3"]
-    """Rotation of each segment from the template's rest to the T-pose."""
 
 
 def rig_of(skeleton: Skeleton, pose: Pose) -> Rig:

@@ -24,19 +24,22 @@ _CALIBRATIONS = frozenset(
 
 @dataclass(frozen=True)
 class Found:
-    """The inputs of a recording, under the names that a `recording.toml` uses."""
+    """The inputs of a recording, under the names that a `recording.toml` uses.
+
+    Attributes:
+        cameras: Name of the camera of each view.
+        by_order: Whether only the order tells which camera belongs to which view.
+        frames: The images of each view.
+        lines: Lines for the TOML table of each view.
+    """
 
     folder: Path
     calibration: str
     contents: Contents
     cameras: Mapping[str, str]
-    """Name of the camera of each view."""
     by_order: bool
-    """Whether only the order tells which camera belongs to which view."""
     frames: Mapping[str, Frames]
-    """The images of each view."""
     lines: Mapping[str, list[str]]
-    """Lines for the TOML table of each view."""
     fps: float
     doubts: tuple[str, ...]
 

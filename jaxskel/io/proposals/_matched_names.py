@@ -8,18 +8,21 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Match:
-    """Which camera each view belongs to."""
+    """Which camera each view belongs to.
+
+    Attributes:
+        cameras: Name of the camera of each matched view.
+        by_order: Whether only the order tells which camera belongs to which view.
+        without_camera: Views that belong to no camera.
+        without_view: Cameras without a view.
+        exact: Whether the names differ only in case, punctuation and leading zeros.
+    """
 
     cameras: dict[str, str]
-    """Name of the camera of each matched view."""
     by_order: bool = False
-    """Whether only the order tells which camera belongs to which view."""
     without_camera: tuple[str, ...] = ()
-    """Views that belong to no camera."""
     without_view: tuple[str, ...] = ()
-    """Cameras without a view."""
     exact: bool = False
-    """Whether the names differ only in case, punctuation and leading zeros."""
 
 
 def match_names(views: Sequence[str], cameras: Sequence[str]) -> Match:

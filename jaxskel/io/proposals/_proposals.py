@@ -17,11 +17,14 @@ from ._proposed_up import proposed_up
 
 @dataclass(frozen=True)
 class Proposal:
-    """The text of a `recording.toml`, and what a person should check in it."""
+    """The text of a `recording.toml`, and what a person should check in it.
+
+    Attributes:
+        doubts: Choices that were made without certainty.
+    """
 
     text: str
     doubts: tuple[str, ...]
-    """Choices that were made without certainty."""
 
 
 def propose_recording(

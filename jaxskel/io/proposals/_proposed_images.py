@@ -21,15 +21,18 @@ _SAMPLES, _OF_VIDEO = 12, 300
 
 @dataclass(frozen=True)
 class ProposedImages:
-    """The lines of a `recording.toml` on the images, and the cameras that follow from them."""
+    """The lines of a `recording.toml` on the images, and the cameras that follow from them.
+
+    Attributes:
+        lines: Lines for each view.
+        calibrated: The rig as it was calibrated.
+        cameras: The rig that matches the images.
+    """
 
     lines: dict[str, list[str]]
-    """Lines for each view."""
     doubts: tuple[str, ...]
     calibrated: Cameras
-    """The rig as it was calibrated."""
     cameras: Cameras
-    """The rig that matches the images."""
 
 
 def proposed_images(

@@ -20,11 +20,14 @@ _STATING = ("sequence file", "FreeMoCap TOML")
 
 @dataclass(frozen=True)
 class ProposedUp:
-    """An up axis for a `recording.toml`."""
+    """An up axis for a `recording.toml`.
+
+    Attributes:
+        comment: What a person should check about it.
+    """
 
     axis: str
     comment: str = ""
-    """What a person should check about it."""
     doubts: tuple[str, ...] = ()
 
 

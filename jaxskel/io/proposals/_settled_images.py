@@ -34,16 +34,19 @@ Misses = Float[np.ndarray, "pairs frames 2"]
 
 @dataclass(frozen=True)
 class SeenViews:
-    """Views of a rig with silhouette outlines of a few frames."""
+    """Views of a rig with silhouette outlines of a few frames.
+
+    Attributes:
+        cameras: The rig as it was calibrated.
+        calibrated: Sizes of the calibrated images (px).
+        images: Sizes of their images now (px).
+        outlines: Convex outlines by frame and view, in the images as they are (px).
+    """
 
     cameras: Cameras
-    """The rig as it was calibrated."""
     calibrated: Sequence[Size]
-    """Sizes of the calibrated images (px)."""
     images: Sequence[Size]
-    """Sizes of their images now (px)."""
     outlines: Mapping[tuple[int, int], ConvexOutline]
-    """Convex outlines by frame and view, in the images as they are (px)."""
 
     def misses(self, choices: Sequence[Choice], asked: Collection[int]) -> Misses:
         """Misses of the tangents of the views in question (px), if the images were changed by these choices."""
@@ -67,13 +70,16 @@ class SeenViews:
 
 @dataclass(frozen=True)
 class Settled:
-    """The change of the images of each view."""
+    """The change of the images of each view.
+
+    Attributes:
+        told: The evidence, with figures; empty if nothing was changed.
+        doubt: What is wrong in spite of it.
+    """
 
     choices: Sequence[Choice]
     told: str
-    """The evidence, with figures; empty if nothing was changed."""
     doubt: str = ""
-    """What is wrong in spite of it."""
 
 
 def settled(seen: SeenViews) -> Settled:

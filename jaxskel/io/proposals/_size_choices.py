@@ -21,15 +21,18 @@ _ALIKE = 0.005
 
 @dataclass(frozen=True)
 class Choice:
-    """One possible change of images."""
+    """One possible change of images.
+
+    Attributes:
+        told: The change, in words that follow "the images are".
+        mirrored: Left and right were exchanged before the change, which no camera model can express.
+        usual: A usual change, beside which other changes that the sizes allow are very unlikely.
+    """
 
     told: str
-    """The change, in words that follow "the images are"."""
     change: ImageChange
     mirrored: bool = False
-    """Left and right were exchanged before the change, which no camera model can express."""
     usual: bool = False
-    """A usual change, beside which other changes that the sizes allow are very unlikely."""
 
     def in_calibrated(self, outline: ConvexOutline, image: Size, calibrated: Size) -> ConvexOutline:
         """Map an outline from the image (px) to the calibrated image (px)."""

@@ -27,12 +27,15 @@ _CALIBRATION = frozenset(
 
 @dataclass(frozen=True)
 class ViewSet:
-    """Views that belong together."""
+    """Views that belong together.
+
+    Attributes:
+        pattern: Their paths relative to the folder, with ``*`` in place of the camera's name.
+        sources: For each camera's name, the source of its images as a `recording.toml` names it.
+    """
 
     pattern: str
-    """Their paths relative to the folder, with ``*`` in place of the camera's name."""
     sources: dict[str, str]
-    """For each camera's name, the source of its images as a `recording.toml` names it."""
 
     @property
     def is_of_masks(self) -> bool:

@@ -30,12 +30,15 @@ _REFUSED = {
 
 @dataclass(frozen=True)
 class Rig:
-    """Cameras that are open, and what is known about them."""
+    """Cameras that are open, and what is known about them.
+
+    Attributes:
+        facts: Calibration, up axis, frame rate and subject: a recording without frames.
+        views: The cameras: the `frames` of each are a `Camera`.
+    """
 
     facts: Recording
-    """Calibration, up axis, frame rate and subject: a recording without frames."""
     views: tuple[View, ...]
-    """The cameras: the `frames` of each are a `Camera`."""
 
 
 def has_cameras(path: Path) -> bool:

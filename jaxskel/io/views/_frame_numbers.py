@@ -26,11 +26,14 @@ _REMEDY = "call it 000000.png, 000001.png, ..."
 
 @dataclass(frozen=True)
 class Numbered:
-    """A camera's images by frame number."""
+    """A camera's images by frame number.
+
+    Attributes:
+        notes: Notes for the user on how the images were numbered.
+    """
 
     files: dict[int, Path]
     notes: tuple[str, ...]
-    """Notes for the user on how the images were numbered."""
 
 
 @dataclass(frozen=True)

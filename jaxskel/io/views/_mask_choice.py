@@ -21,18 +21,21 @@ _REMEDY = "give them as images with a background"
 
 @dataclass(frozen=True)
 class Verdict:
-    """Which values are the person."""
+    """Which values are the person.
+
+    Attributes:
+        choice: The rule; None if the values do not tell.
+        told: Explanation for the user.
+        person: If the values do not tell, those that may be the person; empty if the images are no masks.
+        grey_share: Share of pixels that are neither dark nor bright.
+        is_dim: Whether no pixel of the examined images is at least half white.
+    """
 
     choice: HalfWhite | NotBackground | None
-    """The rule; None if the values do not tell."""
     told: str = ""
-    """Explanation for the user."""
     person: tuple[int, ...] = ()
-    """If the values do not tell, those that may be the person; empty if the images are no masks."""
     grey_share: float = 0.0
-    """Share of pixels that are neither dark nor bright."""
     is_dim: bool = False
-    """Whether no pixel of the examined images is at least half white."""
 
 
 def verdict_of_grey(tally: Tally, lossless: bool, told: Callable[[Iterable[int]], str]) -> Verdict:

@@ -36,18 +36,23 @@ def person_text(person: Person) -> str:
 
 @dataclass(frozen=True)
 class MaskRule:
-    """How a view's images are read as masks."""
+    """How a view's images are read as masks.
+
+    Attributes:
+        frames: The images that the matte applies to; for images with a palette, their indices.
+        matte: The rule that finds the person; None if the values do not tell, or the images are no masks.
+        told: Explanation for the user: which values there are and which are the person; empty for black and white
+            masks.
+        person: If the values do not tell, candidates for the person, for the user to check; empty if the images are no
+            masks.
+        is_picture: Whether the images look like pictures rather than masks, if the user has not said which.
+    """
 
     frames: Frames
-    """The images that the matte applies to; for images with a palette, their indices."""
     matte: Masks | None
-    """The rule that finds the person; None if the values do not tell, or the images are no masks."""
     told: str = ""
-    """Explanation for the user: which values there are and which are the person; empty for black and white masks."""
     person: Person = ()
-    """If the values do not tell, candidates for the person, for the user to check; empty if the images are no masks."""
     is_picture: bool = False
-    """Whether the images look like pictures rather than masks, if the user has not said which."""
 
     def lines(self) -> list[str]:
         """Lines on the person for a `recording.toml`, besides the masks' path.

@@ -37,12 +37,15 @@ class Choice(Protocol):
 
 @dataclass(frozen=True)
 class HalfWhite:
-    """The person is what is at least half white."""
+    """The person is what is at least half white.
+
+    Attributes:
+        exact: Whether other images of the view hold only two values, so that dark values are labels rather than noise.
+        white: White level of 16-bit images; in some files it is 255.
+    """
 
     exact: bool = False
-    """Whether other images of the view hold only two values, so that dark values are labels rather than noise."""
     white: int = 65535
-    """White level of 16-bit images; in some files it is 255."""
 
     def chosen(self, values: Shaped[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
         """True where the mask is at least half white."""
@@ -64,12 +67,15 @@ _FEW, _SPECKS = 32, 1e-3
 
 @dataclass(frozen=True)
 class NotBackground:
-    """The person is everything that is not 0."""
+    """The person is everything that is not 0.
+
+    Attributes:
+        known: Values that other images of the view have, in ascending order.
+        void: Values that many tools use for "unknown", unless they are among the known ones.
+    """
 
     known: tuple[int, ...]
-    """Values that other images of the view have, in ascending order."""
     void: tuple[int, ...] = (255, 65535)
-    """Values that many tools use for "unknown", unless they are among the known ones."""
 
     def chosen(self, values: Shaped[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
         """True where the mask is not 0."""

@@ -23,10 +23,13 @@ _LONGEST = 1000
 
 @dataclass(frozen=True)
 class Times:
-    """One time in each of some names."""
+    """One time in each of some names.
+
+    Attributes:
+        spans: First and end position of the time in each name.
+    """
 
     spans: tuple[tuple[int, int], ...]
-    """First and end position of the time in each name."""
     nanoseconds: tuple[int, ...]
 
     def holds(self, places: Sequence[int]) -> bool:

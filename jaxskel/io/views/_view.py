@@ -12,15 +12,18 @@ from ._masks import Matte
 
 @dataclass(frozen=True)
 class View:
-    """One camera's silhouettes by frame number of the recording."""
+    """One camera's silhouettes by frame number of the recording.
+
+    Attributes:
+        offset: Number of the image that belongs to frame 0 of the recording.
+        speed: Images for each frame of the recording: the camera's frame rate over the recording's.
+    """
 
     name: str
     frames: Frames
     matte: Matte
     offset: int = 0
-    """Number of the image that belongs to frame 0 of the recording."""
     speed: float = 1.0
-    """Images for each frame of the recording: the camera's frame rate over the recording's."""
 
     @property
     def span(self) -> tuple[int, int]:

@@ -30,14 +30,17 @@ _ORIGIN_JOINTS = np.array((0, 0, 1, 1, 3, 4, 1, 6, 7, 9, 10, 12, 13), np.int32)
 
 
 class JointPositions(eqx.Module):
-    """Joint positions, segment rotations and Lagrange multipliers of one frame."""
+    """Joint positions, segment rotations and Lagrange multipliers of one frame.
+
+    Attributes:
+        joints: (m, in the world)
+        rotations: From the body frame at rest to the world.
+        multipliers: Lagrange multipliers of the lengths, over twice their weight (m).
+    """
 
     joints: Float[Array, "joints=15 3"]
-    """(m, in the world)"""
     rotations: Float[Array, "segments=17 3 3"]
-    """From the body frame at rest to the world."""
     multipliers: Float[Array, " lengths=15"]
-    """Lagrange multipliers of the lengths, over twice their weight (m)."""
 
 
 class FreeJoints(eqx.Module):
@@ -94,10 +97,13 @@ class FreeJoints(eqx.Module):
 
 
 class SoftBones(FreeJoints):
-    """Free joints with soft bone lengths: the weight decides how far they give way to the other terms."""
+    """Free joints with soft bone lengths: the weight decides how far they give way to the other terms.
+
+    Attributes:
+        weight: Weight of the squared error of a length (m^2): by default an error of 1 cm costs ten.
+    """
 
     weight: Float[Array, ""] = eqx.field(converter=number, default=1e5)
-    """Weight of the squared error of a length (m^2): by default an error of 1 cm costs ten."""
 
     def settled(self, base: JointPositions, skeleton: Skeleton) -> JointPositions:
         """The same base: there are no multipliers to update."""
@@ -108,10 +114,12 @@ class AugmentedLagrangian(FreeJoints):
     """Free joints; multipliers, updated after each round, drive the length errors to zero (Hestenes, Powell).
 
     Each round removes most of the remaining error, so use more rounds than with the other parametrisations.
+
+    Attributes:
+        weight: Weight of the squared error of a length (m^2).
     """
 
     weight: Float[Array, ""] = eqx.field(converter=number, default=1e4)
-    """Weight of the squared error of a length (m^2)."""
 
     def settled(self, base: JointPositions, skeleton: Skeleton) -> JointPositions:
         """Add the remaining length errors to the multipliers."""

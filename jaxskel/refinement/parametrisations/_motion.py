@@ -19,16 +19,18 @@ class Motion(eqx.Module):
     """Unknowns that each rotate some segments about an axis through a point, or translate all segments.
 
     The velocity of a point x of a rotated segment is d x (x - p), for the rotation vector d and the pivot p.
+
+    Attributes:
+        turns: Rotation vector for one unit of each unknown, in the world (rad); zero for translations.
+        pivots: A point on each axis, in the world (m).
+        shifts: Translation for one unit of each unknown, in the world (m).
+        moves: One where an unknown rotates a segment, else zero.
     """
 
     turns: Float[Array, "*stack unknowns 3"]
-    """Rotation vector for one unit of each unknown, in the world (rad); zero for translations."""
     pivots: Float[Array, "*stack unknowns 3"]
-    """A point on each axis, in the world (m)."""
     shifts: Float[np.ndarray, "*stack unknowns 3"]
-    """Translation for one unit of each unknown, in the world (m)."""
     moves: Float[np.ndarray, "*stack unknowns segments=17"]
-    """One where an unknown rotates a segment, else zero."""
 
     def some(self, unknowns: Int[np.ndarray, "*stack some"]) -> "Motion":
         """Select unknowns, or stacks of them."""

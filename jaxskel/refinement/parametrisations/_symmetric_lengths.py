@@ -18,22 +18,27 @@ _LENGTH_OF_BONE = np.array(
 
 
 class StretchedPose(eqx.Module):
-    """A pose with bone lengths that differ from the template's."""
+    """A pose with bone lengths that differ from the template's.
+
+    Attributes:
+        stretch: Logarithm of each length over the template's, in the order of `LENGTH_NAMES`.
+    """
 
     pose: Pose
     stretch: Float[Array, " lengths=8"]
-    """Logarithm of each length over the template's, in the order of `LENGTH_NAMES`."""
 
 
 class SymmetricLengths(eqx.Module):
     """Joint rotations and eight lengths shared by left and right, for a template that is only nearly the subject's.
 
     The unknowns are those of `rotations` (m, rad), then the logarithms of the lengths over those of the base.
+
+    Attributes:
+        weight: Weight of the squared logarithm: by default a length that is 5 % off costs 0.1.
     """
 
     rotations: JointRotations = ExactBones()
     weight: Float[Array, ""] = eqx.field(converter=number, default=40.0)
-    """Weight of the squared logarithm: by default a length that is 5 % off costs 0.1."""
 
     def begin(self, pose: Pose, skeleton: Skeleton) -> StretchedPose:
         """The pose with the template's own lengths."""

@@ -20,22 +20,28 @@ _REACH = 3
 
 
 class Coupled(eqx.Module):
-    """Residuals of a sequence, of frames and of couplings between them."""
+    """Residuals of a sequence, of frames and of couplings between them.
+
+    Attributes:
+        frames: Residuals of each single frame.
+        couplings: Residuals of each three consecutive frames; empty with fewer than three.
+    """
 
     frames: PyTree[Float[Array, "frames ..."]]
-    """Residuals of each single frame."""
     couplings: PyTree[Float[Array, "couplings ..."]]
-    """Residuals of each three consecutive frames; empty with fewer than three."""
 
 
 class BandedEquations(AbstractEquations):
-    """Normal equations of `Coupled` residuals, unknowns ``frames x unknowns``: blocks on and above the diagonal."""
+    """Normal equations of `Coupled` residuals, unknowns ``frames x unknowns``: blocks on and above the diagonal.
+
+    Attributes:
+        next: Blocks between each frame and the next.
+        second: Blocks between each frame and the next but one.
+    """
 
     own: Float[Array, "frames unknowns unknowns"]
     next: Float[Array, "frames unknowns unknowns"]
-    """Blocks between each frame and the next."""
     second: Float[Array, "frames unknowns unknowns"]
-    """Blocks between each frame and the next but one."""
     gradient: Float[Array, "frames unknowns"]
 
     @classmethod

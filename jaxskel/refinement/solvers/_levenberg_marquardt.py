@@ -23,10 +23,13 @@ _ROUNDING = 4
 
 
 class AbstractEquations(eqx.Module):
-    """Normal equations ``J^T J``, ``J^T r`` of a linearised problem, in a form that suits its structure."""
+    """Normal equations ``J^T J``, ``J^T r`` of a linearised problem, in a form that suits its structure.
+
+    Attributes:
+        gradient: ``J^T r``, with the structure of the unknowns.
+    """
 
     gradient: eqx.AbstractVar[Any]
-    """``J^T r``, with the structure of the unknowns."""
 
     @classmethod
     @abstractmethod
@@ -80,27 +83,33 @@ def not_zero(step_size: Any, like: Array) -> Float[Array, ""]:
 
 
 class _State(eqx.Module):
-    """Solver state between two steps."""
+    """Solver state between two steps.
+
+    Attributes:
+        trial: Unknowns to evaluate next.
+        residual: Residual at the last accepted unknowns; the equations are taken there too.
+    """
 
     first: Bool[Array, ""]
     trial: Any
-    """Unknowns to evaluate next."""
     search: Any
     residual: Any
-    """Residual at the last accepted unknowns; the equations are taken there too."""
     equations: Any
     terminate: Bool[Array, ""]
     result: optx.RESULTS
 
 
 class NormalEquationsLM(optx.AbstractLeastSquaresSolver):
-    """Levenberg-Marquardt on normal equations; tolerances of `optimistix.LevenbergMarquardt`, and `ftol`."""
+    """Levenberg-Marquardt on normal equations; tolerances of `optimistix.LevenbergMarquardt`, and `ftol`.
+
+    Attributes:
+        ftol: A solve also ends when the predicted decrease of the cost is a smaller share of it than this. With large
+            residuals the steps shrink slowly, and many more would gain almost nothing.
+    """
 
     rtol: float
     atol: float
     ftol: float = 0.0
-    """A solve also ends when the predicted decrease of the cost is a smaller share of it than this. With large
-    residuals the steps shrink slowly, and many more would gain almost nothing."""
     norm: Callable[[Any], Any] = optx.max_norm
     equations: type[AbstractEquations] = NormalEquations
     search: optx.ClassicalTrustRegion = eqx.field(default_factory=optx.ClassicalTrustRegion)

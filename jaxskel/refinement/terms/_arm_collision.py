@@ -13,27 +13,34 @@ _FOREARM = np.array([name[2:] in ("forearm", "hand") for name in SEGMENT_NAMES])
 
 
 class Contacts(eqx.Module):
-    """Nearest capsule of trunk, head and legs to each ball of forearms and hands."""
+    """Nearest capsule of trunk, head and legs to each ball of forearms and hands.
+
+    Attributes:
+        relative: Coefficients of all balls' displacements in the motion of a forearm ball relative to its nearest
+            capsule.
+        depth: Penetration of the ball beyond what is allowed (m).
+    """
 
     relative: Float[Array, "forearms balls"]
-    """Coefficients of all balls' displacements in the motion of a forearm ball relative to its nearest capsule."""
     normal: Float[Array, "forearms 3"]
     centres: Float[Array, "balls 3"]
     depth: Float[Array, " forearms"]
-    """Penetration of the ball beyond what is allowed (m)."""
 
 
 class ArmCollision(AbstractTerm):
-    """Depth by which the balls of forearms and hands penetrate any capsule that is not of an arm."""
+    """Depth by which the balls of forearms and hands penetrate any capsule that is not of an arm.
+
+    Attributes:
+        share: Share of an arm's radius that must stay outside; below one, because flesh is soft.
+        limit: Depth (m) beyond which the cost does not grow.
+    """
 
     needs_graph = False
 
     body: Body
     weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
     share: Float[Array, ""] = eqx.field(converter=number, default=0.6)
-    """Share of an arm's radius that must stay outside; below one, because flesh is soft."""
     limit: Float[Array, ""] = eqx.field(converter=number, default=0.1)
-    """Depth (m) beyond which the cost does not grow."""
 
     def correspond(self, body: PlacedBody, observed: Observed) -> Contacts:
         """Nearest capsule, normal and depth of each ball."""

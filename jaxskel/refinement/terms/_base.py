@@ -16,33 +16,40 @@ from ...outlines import Contours, SilhouetteDistances
 
 
 class PlacedBody(eqx.Module):
-    """Skeleton of one frame, placed in the world."""
+    """Skeleton of one frame, placed in the world.
+
+    Attributes:
+        joints: (m)
+        tips: (m)
+        rotations: Rotation of each segment from the body frame at rest to the world.
+        origins: Pivot that each segment turns about (m).
+    """
 
     joints: Float[Array, "joints=15 3"]
-    """(m)"""
     tips: Float[Array, "tips=5 3"]
-    """(m)"""
     rotations: Float[Array, "segments=17 3 3"]
-    """Rotation of each segment from the body frame at rest to the world."""
     origins: Float[Array, "segments=17 3"]
-    """Pivot that each segment turns about (m)."""
 
 
 class Observed(eqx.Module):
-    """Observations of one frame or of a batch: the labelled skeletal graph and the outlines, in the world (m)."""
+    """Observations of one frame or of a batch: the labelled skeletal graph and the outlines, in the world (m).
+
+    Attributes:
+        paths: Graph paths from the root to head, left and right hand, left and right foot, sampled at equal distances
+            (m).
+        found: Whether an end node was found for each label.
+        contours: Viewing rays through the outlines of the silhouettes.
+        silhouettes: Signed distance to each silhouette (m).
+        data: What else is known of each frame, by names of your own, see `with_data`.
+    """
 
     paths: Float[Array | np.ndarray, "*frames labels=5 points 3"]
-    """Graph paths from the root to head, left and right hand, left and right foot, sampled at equal distances (m)."""
     found: Bool[Array | np.ndarray, "*frames labels=5"]
-    """Whether an end node was found for each label."""
     neck: Float[Array | np.ndarray, "*frames 3"]
     pelvis: Float[Array | np.ndarray, "*frames 3"]
     contours: Contours | None = None
-    """Viewing rays through the outlines of the silhouettes."""
     silhouettes: SilhouetteDistances | None = None
-    """Signed distance to each silhouette (m)."""
     data: dict[str, Float[Array | np.ndarray, "..."]] = eqx.field(default_factory=dict)
-    """What else is known of each frame, by names of your own, see `with_data`."""
 
     def with_data(self, /, **data: Any) -> "Observed":
         """The same with more data, for terms of your own: arrays with the frames axis first, NaN where missing."""
@@ -89,14 +96,18 @@ def _with_arrays(terms: dict[str, Any]) -> dict[str, Any]:
 
 
 class AbstractTerm(eqx.Module):
-    """One residual of the objective. The weight multiplies its squared norm; to switch a term off, leave it out."""
+    """One residual of the objective. The weight multiplies its squared norm; to switch a term off, leave it out.
+
+    Attributes:
+        needs_graph: Whether the term uses ``paths``, ``found``, ``neck`` or ``pelvis`` of ``observed``. Tracking
+            computes these only if a term needs them.
+        needs_outlines: Whether the term uses ``contours`` or ``silhouettes`` of ``observed``, which only a search
+            computes.
+    """
 
     needs_graph: ClassVar[bool] = True
-    """Whether the term uses ``paths``, ``found``, ``neck`` or ``pelvis`` of ``observed``. Tracking computes these only
-    if a term needs them."""
 
     needs_outlines: ClassVar[bool] = False
-    """Whether the term uses ``contours`` or ``silhouettes`` of ``observed``, which only a search computes."""
 
     weight: eqx.AbstractVar[Float[Array, ""]]
 

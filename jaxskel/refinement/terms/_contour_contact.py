@@ -17,6 +17,12 @@ class ContourContact(CapsuleTerm):
 
     With few views most of the visual hull's surface is not the body's, but every outline ray touches the body. So
     parts of the hull that no view can carve away cost nothing here.
+
+    Attributes:
+        scale: Distance (m) beyond which a ray has little weight (Geman-McClure).
+        inner: Weight of rays that pass through the body, relative to those outside it.
+        limit: Distance (m) beyond which the cost of a ray does not grow.
+        loss: Another loss, of the distance in units of `scale`, in place of Geman-McClure and `limit`.
     """
 
     needs_outlines = True
@@ -24,13 +30,9 @@ class ContourContact(CapsuleTerm):
     body: Body
     weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
     scale: Float[Array, ""] = eqx.field(converter=number, default=0.05)
-    """Distance (m) beyond which a ray has little weight (Geman-McClure)."""
     inner: Float[Array, ""] = eqx.field(converter=number, default=0.3)
-    """Weight of rays that pass through the body, relative to those outside it."""
     limit: Float[Array, ""] = eqx.field(converter=number, default=0.06)
-    """Distance (m) beyond which the cost of a ray does not grow."""
     loss: AbstractLoss | None = None
-    """Another loss, of the distance in units of `scale`, in place of Geman-McClure and `limit`."""
 
     def quadrics(self, body: PlacedBody, observed: Observed) -> Quadrics:
         """Nearest capsule, tangent plane and weight of each ray, summed by capsule."""

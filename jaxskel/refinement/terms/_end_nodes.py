@@ -11,11 +11,14 @@ from ._base import AbstractTerm, Observed, PlacedBody, number
 
 
 class EndNodeAttraction(AbstractTerm):
-    """Head top, fingertips and toe tips minus their end nodes; zero for a limb without an end node."""
+    """Head top, fingertips and toe tips minus their end nodes; zero for a limb without an end node.
+
+    Attributes:
+        reach: Position of the end node between joint (0) and tip (1).
+    """
 
     weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
     reach: Float[Array, ""] = eqx.field(converter=number, default=END_NODE_REACH)
-    """Position of the end node between joint (0) and tip (1)."""
 
     def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "tips=5 3"]:
         """Differences between points on the last bones and the end nodes (m)."""

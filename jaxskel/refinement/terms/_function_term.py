@@ -49,13 +49,16 @@ class Code:
 
 
 class FunctionTerm(AbstractTerm):
-    """A function of the placed body, the observations, and parameters. See [`from_function`][]."""
+    """A function of the placed body, the observations, and parameters. See [`from_function`][].
+
+    Attributes:
+        looks_at: Whether the function uses the labelled graph, and whether it uses the outlines.
+    """
 
     function: Code = eqx.field(static=True)
     parameters: tuple[PyTree, ...]
     weight: Float[Array, ""] = eqx.field(converter=number)
     looks_at: tuple[bool, bool] = eqx.field(static=True, default=(False, False))
-    """Whether the function uses the labelled graph, and whether it uses the outlines."""
 
     @property
     def needs_graph(self) -> bool:

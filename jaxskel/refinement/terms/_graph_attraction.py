@@ -26,11 +26,14 @@ _PLACES = np.stack([np.linspace(0.0, 0.4, 5) if name.endswith("foot") else np.li
 
 
 class GraphAttraction(AbstractTerm):
-    """Samples on each bone minus the closest point of that limb's path, with a robust weight (Geman-McClure)."""
+    """Samples on each bone minus the closest point of that limb's path, with a robust weight (Geman-McClure).
+
+    Attributes:
+        scale: Distance (m) beyond which a sample has little weight.
+    """
 
     weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
     scale: Float[Array, ""] = eqx.field(converter=number, default=0.1)
-    """Distance (m) beyond which a sample has little weight."""
 
     def correspond(
         self, body: PlacedBody, observed: Observed

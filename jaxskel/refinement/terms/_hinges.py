@@ -16,16 +16,19 @@ _UPPER_JOINT, _HINGE_JOINT = (np.array(a, np.int32) for a in ((3, 6, 9, 12), (4,
 
 
 class HingeLimits(AbstractTerm):
-    """Flexion of elbows and knees stays within limits, and they do not bend sideways."""
+    """Flexion of elbows and knees stays within limits, and they do not bend sideways.
+
+    Attributes:
+        straight: Smallest flexion (rad).
+        folded: Largest flexion (rad).
+    """
 
     needs_graph = False
 
     skeleton: Skeleton
     weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
     straight: Float[Array, ""] = eqx.field(converter=number, default=0.05)
-    """Smallest flexion (rad)."""
     folded: Float[Array, ""] = eqx.field(converter=number, default=2.5)
-    """Largest flexion (rad)."""
 
     def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "hinges=4 2"]:
         """For left and right elbow and knee: angle beyond the limits (rad), a third of the cosine to the side."""

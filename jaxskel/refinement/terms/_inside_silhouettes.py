@@ -23,6 +23,12 @@ class InsideSilhouettes(CapsuleTerm):
     At each point the view with the largest depth counts; if up to ``misses`` views may be wrong, that many of the
     largest depths are ignored. In addition each single view has a small weight, with a cost that saturates early, so
     that a hole in one mask adds little, but several views that agree add much.
+
+    Attributes:
+        share: Share of the radius that must be inside; below one, because clothes and poor masks take some of it.
+        scale: Depth (m) beyond which a point has little weight and its cost does not grow.
+        single: Weight of each single view, relative to that of the view with the largest depth.
+        single_scale: Depth (m) beyond which the cost of a single view does not grow.
     """
 
     needs_outlines = True
@@ -30,13 +36,9 @@ class InsideSilhouettes(CapsuleTerm):
     body: Body
     weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
     share: Float[Array, ""] = eqx.field(converter=number, default=0.7)
-    """Share of the radius that must be inside; below one, because clothes and poor masks take some of it."""
     scale: Float[Array, ""] = eqx.field(converter=number, default=0.06)
-    """Depth (m) beyond which a point has little weight and its cost does not grow."""
     single: Float[Array, ""] = eqx.field(converter=number, default=0.3)
-    """Weight of each single view, relative to that of the view with the largest depth."""
     single_scale: Float[Array, ""] = eqx.field(converter=number, default=0.03)
-    """Depth (m) beyond which the cost of a single view does not grow."""
 
     def quadrics(self, body: PlacedBody, observed: Observed) -> Quadrics:
         """Depths of the sample points, linearised and summed by capsule."""

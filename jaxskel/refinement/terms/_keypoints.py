@@ -28,23 +28,25 @@ class Keypoints(AbstractTerm):
 
     A distance in pixels counts as a distance in metres at the keypoint: detectors, and what they mean by a hip, err by
     a share of a person's size, whatever the resolution.
+
+    Attributes:
+        matrices: From the world with z up (m) to homogeneous image coordinates (px), without lens distortion.
+        focal: Focal lengths (px).
+        shares: Shares of the points of the skeleton in each keypoint, see `KeypointSet`.
+        noise: Standard deviation of a keypoint across the viewing ray, along each image axis (m).
+        loss: Of the distance from the keypoint, in standard deviations.
+        name: Of the data.
     """
 
     needs_graph = False
 
     matrices: Float[Array, "cams 3 4"]
-    """From the world with z up (m) to homogeneous image coordinates (px), without lens distortion."""
     focal: Float[Array, " cams"]
-    """Focal lengths (px)."""
     shares: Float[Array, "keypoints points=24"]
-    """Shares of the points of the skeleton in each keypoint, see `KeypointSet`."""
     noise: Float[Array, ""] = eqx.field(converter=number)
-    """Standard deviation of a keypoint across the viewing ray, along each image axis (m)."""
     loss: AbstractLoss
-    """Of the distance from the keypoint, in standard deviations."""
     weight: Float[Array, ""] = eqx.field(converter=number)
     name: str = eqx.field(static=True, default="keypoints")
-    """Of the data."""
 
     def correspond(self, body: PlacedBody, observed: Observed) -> Float[Array, "cams keypoints"]:
         """How many standard deviations a pixel is at each keypoint; zero where it is behind the camera."""

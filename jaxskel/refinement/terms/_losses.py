@@ -28,10 +28,13 @@ def _scale(value: Any) -> Float[Array, ""]:
 
 
 class AbstractLoss(eqx.Module):
-    """A robust loss. One of your own defines `ratio`; it must be smooth, and concave as a cost of the square."""
+    """A robust loss. One of your own defines `ratio`; it must be smooth, and concave as a cost of the square.
+
+    Attributes:
+        scale: Length of a residual, in its own unit, beyond which it counts less.
+    """
 
     scale: eqx.AbstractVar[Float[Array, ""]]
-    """Length of a residual, in its own unit, beyond which it counts less."""
 
     @abstractmethod
     def ratio(self, squared: Float[Array, " n"]) -> Float[Array, " n"]:

@@ -14,14 +14,17 @@ _LEAST_SPREAD = 0.05
 
 
 class PosePrior(AbstractTerm):
-    """Relative rotation of each segment minus its mean, divided by its spread. See [`pose_prior`][]."""
+    """Relative rotation of each segment minus its mean, divided by its spread. See [`pose_prior`][].
+
+    Attributes:
+        usual: Mean rotation of each segment but the pelvis, relative to its parent segment.
+        spread: Deviation from the mean (rad, root mean square).
+    """
 
     needs_graph = False
 
     usual: Float[Array, "segments=16 3 3"]
-    """Mean rotation of each segment but the pelvis, relative to its parent segment."""
     spread: Float[Array, " segments=16"]
-    """Deviation from the mean (rad, root mean square)."""
     weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
 
     def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "segments=16 3 3"]:

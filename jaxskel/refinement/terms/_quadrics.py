@@ -17,14 +17,16 @@ class Quadrics(eqx.Module):
     """Weighted squared distances, linearised in the ends of the capsules, as needed for a Gauss-Newton step.
 
     For any number of points, a displacement d of a capsule's ends changes their cost by d . matrix d - 2 vector . d.
+
+    Attributes:
+        ends: Ends of the capsules at the linearisation (m).
+        squared: Weighted sum of the squared distances at the linearisation (m^2).
     """
 
     ends: Float[Array, "capsules 6"]
-    """Ends of the capsules at the linearisation (m)."""
     matrix: Float[Array, "capsules 6 6"]
     vector: Float[Array, "capsules 6"]
     squared: Float[Array, ""]
-    """Weighted sum of the squared distances at the linearisation (m^2)."""
 
     def rows(self) -> "QuadricRows":
         """Write the quadratic forms as rows of a least squares problem."""
@@ -35,14 +37,17 @@ class Quadrics(eqx.Module):
 
 
 class QuadricRows(eqx.Module):
-    """The quadratic forms of `Quadrics` as six rows for each capsule."""
+    """The quadratic forms of `Quadrics` as six rows for each capsule.
+
+    Attributes:
+        ends: Ends of the capsules at the linearisation (m).
+        left: Root of the cost that remains at the best displacement of the ends (m).
+    """
 
     ends: Float[Array, "capsules 6"]
-    """Ends of the capsules at the linearisation (m)."""
     rows: Float[Array, "capsules 6 6"]
     goal: Float[Array, "capsules 6"]
     left: Float[Array, ""]
-    """Root of the cost that remains at the best displacement of the ends (m)."""
 
     def residual(self, ends: Float[Array, "capsules 2 3"]) -> Float[Array, " rows"]:
         """Residual (m) at other ends; its squared norm is the weighted sum of the squared distances."""

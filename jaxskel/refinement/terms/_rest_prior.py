@@ -22,13 +22,16 @@ _SEEN_AS_GRAPH = firmness(chest=1.0, head=0.5, clavicle=3.0, thigh=0.2, shank=0.
 
 
 class RestPrior(AbstractTerm):
-    """Rotation of each segment relative to its parent segment, minus the identity."""
+    """Rotation of each segment relative to its parent segment, minus the identity.
+
+    Attributes:
+        firmness: Weight of each segment but the pelvis, see [`firmness`][].
+    """
 
     needs_graph = False
 
     weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
     firmness: Float[Array, "segments=16"] = eqx.field(converter=number, default_factory=_SEEN_AS_GRAPH.copy)
-    """Weight of each segment but the pelvis, see [`firmness`][]."""
 
     def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "segments=16 4"]:
         """Four numbers for each segment; their norm is that of the matrix difference, about 1.4 x the angle (rad)."""

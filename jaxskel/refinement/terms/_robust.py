@@ -18,6 +18,10 @@ class Robust(AbstractTerm):
     The squared norm of its residual is the robust cost, and the Jacobian is that of this cost, for any solver. The
     weight is that of the other term.
 
+    Attributes:
+        loss: Its scale is in the unit of the term's residuals.
+        group: How many residuals in a row are one vector, whose length the loss is of: 3 for positions (x, y, z).
+
     Raises:
         ValueError: One line. The term is no term of single frames, or sums up its points to quadrics (a `CapsuleTerm`):
             these have no residual for each point. `ContourContact` takes a loss itself.
@@ -25,9 +29,7 @@ class Robust(AbstractTerm):
 
     term: AbstractTerm
     loss: AbstractLoss
-    """Its scale is in the unit of the term's residuals."""
     group: int = eqx.field(static=True)
-    """How many residuals in a row are one vector, whose length the loss is of: 3 for positions (x, y, z)."""
 
     def __init__(self, term: AbstractTerm, loss: AbstractLoss, group: int = 1):
         """Reject what cannot be made robust."""

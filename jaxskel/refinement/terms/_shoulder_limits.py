@@ -19,6 +19,10 @@ class ShoulderLimits(AbstractTerm):
     """How far the direction of each upper arm points behind the chest, beyond a limit.
 
     What hangs from a back, such as a bag, otherwise looks like arms that are held there.
+
+    Attributes:
+        limit: Largest component to the back of the upper arm's direction. Of 3168 arms in 44 recordings of ten bodies,
+            99 % have less than 0.69 and the median has 0.16.
     """
 
     needs_graph = False
@@ -26,8 +30,6 @@ class ShoulderLimits(AbstractTerm):
     skeleton: Skeleton
     weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
     limit: Float[Array, ""] = eqx.field(converter=number, default=0.75)
-    """Largest component to the back of the upper arm's direction. Of 3168 arms in 44 recordings of ten bodies, 99 %
-    have less than 0.69 and the median has 0.16."""
 
     def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "arms=2"]:
         """Component to the back beyond the limit, of the left and of the right arm."""

@@ -8,13 +8,17 @@ from ._base import AbstractCoupling, PlacedBody, number
 
 
 class Smoothness(AbstractCoupling):
-    """Acceleration of joints and tips, from three consecutive frames. For `refine_sequence`."""
+    """Acceleration of joints and tips, from three consecutive frames. For `refine_sequence`.
+
+    Attributes:
+        fps: Frames per second.
+        scale: Acceleration (m/s^2) of unit cost: by default about that of free fall, which a limb seldom exceeds for
+            long.
+    """
 
     fps: Float[Array, ""] = eqx.field(converter=number)
-    """Frames per second."""
     weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
     scale: Float[Array, ""] = eqx.field(converter=number, default=10.0)
-    """Acceleration (m/s^2) of unit cost: by default about that of free fall, which a limb seldom exceeds for long."""
 
     def residual(self, before: PlacedBody, body: PlacedBody, after: PlacedBody) -> Float[Array, "points=20 3"]:
         """Accelerations divided by the scale."""

@@ -19,12 +19,16 @@ _SCRIPTS = ("data.js", "orbit.js", "scene.js", "options.js", "live.js")
 
 @dataclass(frozen=True)
 class LivePage:
-    """A page that shows the frames of a session as they come. Make one with [`live_page`][]."""
+    """A page that shows the frames of a session as they come. Make one with [`live_page`][].
+
+    Attributes:
+        html: The page, which loads nothing else, but asks for messages at ``ws://HOST/poses`` of the host that it is
+            from.
+        origin: What the points in messages refer to (m, z up).
+    """
 
     html: str
-    """The page, which loads nothing else, but asks for messages at ``ws://HOST/poses`` of the host that it is from."""
     origin: Float[np.ndarray, "3"]
-    """What the points in messages refer to (m, z up)."""
 
     def message(self, poses: Poses, told: str) -> str:
         """The message about one frame; the page shows what is told as it is."""

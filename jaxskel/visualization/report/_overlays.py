@@ -16,17 +16,20 @@ _POINTS = 20  # number of joints and tips
 
 @dataclass(frozen=True)
 class Overlays:
-    """The content of the views in every ``stride``-th frame, starting with the first."""
+    """The content of the views in every ``stride``-th frame, starting with the first.
+
+    Attributes:
+        counts: Number of outlines in each view.
+        lengths: Number of points of each outline, ordered by frame, then by view.
+        points: Points of the outlines, in display units.
+        skeletons: Projected joints and tips, in display units; `UNSEEN` if missing.
+    """
 
     stride: int
     counts: Int[np.ndarray, "shown cams"]
-    """Number of outlines in each view."""
     lengths: Int[np.ndarray, " outlines"]
-    """Number of points of each outline, ordered by frame, then by view."""
     points: Int16[np.ndarray, "n 2"]
-    """Points of the outlines, in display units."""
     skeletons: Int16[np.ndarray, "shown cams points=20 2"]
-    """Projected joints and tips, in display units; `UNSEEN` if missing."""
 
     def __len__(self) -> int:
         return len(self.counts)

@@ -20,19 +20,22 @@ _NEIGHBOURS = np.concatenate([np.eye(3, dtype=int), -np.eye(3, dtype=int)])
 
 
 class FrameStages(eqx.Module):
-    """Hull and graph of one frame, in the recording's world."""
+    """Hull and graph of one frame, in the recording's world.
+
+    Attributes:
+        silhouettes: The silhouettes: packed bits, as in the recording.
+        status: `Status.OK` if there is one whole person.
+        surface: Centres of the voxels at the surface of the hull (m): that of the person, or, if enough views show
+            something other than one whole person, that of everything carved.
+        edges: Edges of the skeletal graph (m); none without a person.
+        named: Positions of the `LABELS` nodes (m); NaN if not found.
+    """
 
     silhouettes: UInt8[np.ndarray, "cams h w8"]
-    """The silhouettes: packed bits, as in the recording."""
     status: Status
-    """`Status.OK` if there is one whole person."""
     surface: Float[np.ndarray, "voxels 3"]
-    """Centres of the voxels at the surface of the hull (m): that of the person, or, if enough views show something
-    other than one whole person, that of everything carved."""
     edges: Float[np.ndarray, "edges 2 3"]
-    """Edges of the skeletal graph (m); none without a person."""
     named: Float[np.ndarray, "labels=7 3"]
-    """Positions of the `LABELS` nodes (m); NaN if not found."""
 
 
 def stages_of_frames(
