@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.extend.core import Primitive
@@ -27,8 +28,8 @@ def trusted_gradient(value: PyTree, converged: Bool[Array, ""], inputs: PyTree) 
         converged: Whether it has converged.
         inputs: What the solve depends on.
     """
-    leaves = [leaf for leaf in jax.tree.leaves(inputs) if jnp.issubdtype(jnp.result_type(leaf), jnp.inexact)]
-    source = sum((_weighted(leaf) for leaf in leaves), jnp.zeros(()))
+    numbers = [leaf for leaf in jax.tree.leaves(inputs) if eqx.is_inexact_array(leaf)]  # others may be functions
+    source = sum((_weighted(leaf) for leaf in numbers), jnp.zeros(()))
     return jax.tree.map(lambda found: _trusted(found, converged, source), value)
 
 

@@ -77,7 +77,7 @@ def test_keypoints_in_one_view_for_half_of_the_frames(waving):
     truths, starts, observed = waving
     term = keypoints_term(CAMERAS, COCO_17, weight=1.0)
     seen = np.full((2, len(CAMERAS), len(COCO_17), 3), np.nan)
-    place_of_wrist = COCO_17.names.index("left_wrist")
+    place_of_wrist = COCO_17.names.index("LWrist")
     body = place(ADULT, jax.tree.map(lambda a: a[0], truths))
     points = np.asarray(term.shares) @ np.concatenate([body.joints, body.tips, body.origins[13:]])
     u, v, _ = project(CAMERAS, points)
@@ -150,7 +150,7 @@ class Learned(AbstractTerm):
     needs_graph = False
 
     def residual(self, body, observed, fixed):
-        return self.network((body.joints - body.joints[0]).ravel())
+        return self.network((body.joints - body.joints[:1]).ravel())
 
 
 def test_a_learned_prior_is_a_term_and_its_gradient_reaches_the_network(waving):

@@ -11,7 +11,7 @@ from jaxskel import default_adult, refine_frames
 from jaxskel.body import COCO_17
 from jaxskel.refinement.parametrisations import ExactBones
 from jaxskel.refinement.solvers import NormalEquationsLM
-from jaxskel.refinement.terms import Objective, RestPrior, keypoints_term, place
+from jaxskel.refinement.terms import Huber, Objective, RestPrior, keypoints_term, place
 
 pytestmark = pytest.mark.slow
 
@@ -33,7 +33,8 @@ def in_double_precision():
 @pytest.fixture(scope="module")
 def joints():
     """Joints (m) of two frames refined to their keypoints, by weight, size of the body, and shift of a camera (m)."""
-    term = keypoints_term(CAMERAS, COCO_17, weight=1.0)
+    # Distances are in the range in which the loss is a square, so that the solves converge to rounding.
+    term = keypoints_term(CAMERAS, COCO_17, weight=1.0, loss=Huber(20.0))
     shares = np.asarray(term.shares)
     truths = [doubled(pose_of(seed, 0.3)) for seed in (3, 4)]
     starts, observed = [], []
@@ -84,7 +85,7 @@ def test_derivatives_are_finite_differences(joints, compiled):
     along = np.random.default_rng(0).normal(size=(2, 15, 3))
     slopes = jax.jit(jax.grad(lambda given: (joints(given) * along).sum()))(AT)
     jacobian = jax.jit(jax.jacrev(lambda given: jnp.tensordot(joints(given), along, 3)[None]))(AT)
-    step = 1e-5
+    step = 1e-3  # the solves end some 1e-8 m from where they should
     for name, value in AT.items():
         for entry in np.ndindex(np.shape(value)):
             off = np.zeros(np.shape(value))
