@@ -16,6 +16,26 @@ from .cores import take_core
 _TO_END = 10.0
 
 
+def pickled(work: Any, what: str, remedy: str) -> bytes:
+    """Work as it is sent to a process.
+
+    Args:
+        work: A function of a task and of a function that sends a message.
+        what: The argument that may hold what cannot be sent, for the message.
+        remedy: What else to do, for the message.
+
+    Raises:
+        ValueError: One line; it holds a function that only this process knows.
+    """
+    try:
+        return pickle.dumps(work)
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise ValueError(
+            f"{what}: cannot be sent to another process ({error}); define its functions at the top of a file that can "
+            f"be imported, not as a lambda, or {remedy}"
+        ) from None
+
+
 class WorkerProcess:
     """One process. It unpickles `work` once and calls it with each task and a function that sends messages back.
 

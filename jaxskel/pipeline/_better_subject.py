@@ -1,7 +1,6 @@
 """A subject that becomes better while its frames come: found again, in another process, once more has been seen."""
 
 import os
-import pickle
 from collections.abc import Callable
 from dataclasses import replace
 from threading import Thread
@@ -11,7 +10,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
-from .._runtime.worker_processes import WorkerProcess
+from .._runtime.worker_processes import WorkerProcess, pickled
 from ..poses import Poses, Status
 from ..recording import Recording
 from ._prepare import SUBJECT_FRAMES, prepare
@@ -36,7 +35,7 @@ class BetterSubject:
     """
 
     def __init__(self, settings: Settings):
-        self._work = pickle.dumps(_FindSubject(settings))
+        self._work = pickled(_FindSubject(settings), "settings", "give a subject")
         self._frames: list[Recording] = []
         self._postures: list[Float[np.ndarray, "joints=15 3"]] = []
         self._worker: WorkerProcess | None = None

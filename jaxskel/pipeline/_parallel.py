@@ -1,13 +1,12 @@
 """Reconstructs a recording in several processes, each on its own core; the poses come in order."""
 
-import pickle
 from collections.abc import Callable, Iterator, Sequence
 from multiprocessing.connection import wait
 from typing import Any
 
 import equinox as eqx
 
-from .._runtime.worker_processes import WorkerProcess
+from .._runtime.worker_processes import WorkerProcess, pickled
 from ..poses import Poses
 from ..recording import Recording
 from ..search import Track
@@ -34,14 +33,14 @@ def reconstruct_parallel(
         prepared: Result of `prepare` for this recording and these settings.
 
     Raises:
-        ValueError: `jobs` is less than one.
+        ValueError: `jobs` is less than one, or the settings hold functions that other processes do not know.
         MemoryError: A process was killed.
     """
     if jobs < 1:
         raise ValueError(f"{jobs} jobs: give at least one")
     settings = settings or Settings()
     prepared = prepared or prepare(recording, settings)
-    work = pickle.dumps(_ReconstructBatch(prepared, settings))
+    work = pickled(_ReconstructBatch(prepared, settings), "settings", "call reconstruct")
     stretches = _stretches(len(recording), jobs, settings)
     crew = [WorkerProcess(core, work) for core in range(min(jobs, len(stretches)))]
     try:

@@ -65,7 +65,8 @@ class Stream:
         fps: Frames per second.
 
     Raises:
-        ValueError: Fewer than three cameras, or `up` or `fps` makes no sense.
+        ValueError: Fewer than three cameras, or `up` or `fps` makes no sense; or the subject is to be found, and the
+            settings hold functions that another process does not know.
     """
 
     def __init__(

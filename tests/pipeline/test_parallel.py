@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
 from multiprocessing import Pipe
 
 import numpy as np
@@ -14,7 +15,9 @@ import pytest
 from jaxskel import (
     Pose,
     Poses,
+    RefinementSettings,
     Settings,
+    Stream,
     Tracking,
     join_poses,
     paper_settings,
@@ -23,6 +26,7 @@ from jaxskel import (
 )
 from jaxskel._runtime.worker_processes import WorkerProcess
 from jaxskel.pipeline import _parallel as parallel
+from jaxskel.refinement.terms import paper_objective
 from jaxskel.search import Track
 from jaxskel.synthetic import camera_ring, make_scene
 
@@ -85,6 +89,17 @@ def test_an_exception_of_a_process_is_raised_here(monkeypatch):
     scene = make_scene(4, cameras=camera_ring(4, size=(160, 120)))
     with pytest.raises(ValueError, match="camera 2: no silhouettes"):
         list(reconstruct_parallel(scene, 2, paper_settings()))
+
+
+def test_functions_that_only_this_process_knows_are_told():
+    own = RefinementSettings(objective=lambda body: paper_objective())
+    settings, scene = replace(paper_settings(), refinement=own), make_scene(2, cameras=camera_ring(4, size=(160, 120)))
+    told = r"settings: cannot be sent to another process \(.*\); define its functions at the top of a file"
+    with pytest.raises(ValueError, match=f"{told}.*, or call reconstruct"):
+        list(reconstruct_parallel(scene, 2, settings))
+    with pytest.raises(ValueError, match=f"{told}.*, or give a subject"):
+        Stream(scene.cameras, settings)
+    Stream(scene.cameras, settings, scene.skeleton).close()
 
 
 def test_a_killed_process_is_told(monkeypatch):
