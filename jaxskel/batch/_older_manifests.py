@@ -19,6 +19,7 @@ _RENAMED = {"LevenbergMarquardt": "NormalEquationsLM"}
 _PACKAGE = "jaxskel."
 # Values that were fixed in every earlier version.
 _ALWAYS = {"graph": {"skeletoniser": {"class": "VoxelScooping"}}}
+_SEARCH = {"objective": "volume_objective"}
 
 
 def modern_method(method: Mapping[str, Any]) -> dict[str, Any]:
@@ -26,7 +27,9 @@ def modern_method(method: Mapping[str, Any]) -> dict[str, Any]:
     found = _without_places(dict(method))
     settings = found.get("settings")
     if isinstance(settings, dict) and "spacing" in settings:
-        found["settings"] = _grouped(settings)
+        found["settings"] = settings = _grouped(settings)
+    if isinstance(settings, dict) and isinstance(settings.get("search"), dict):
+        found["settings"] = settings | {"search": _SEARCH | settings["search"]}
     return found
 
 
