@@ -25,7 +25,14 @@ class FramesOf(NamedTuple):
     frame_index: Int[np.ndarray, " frames"]
 
 
-def assemble(frames: FramesOf, skeleton: Skeleton, seen: Seen, start: Start | None, refined: Refined | None) -> Poses:
+def assemble(
+    frames: FramesOf,
+    skeleton: Skeleton,
+    seen: Seen,
+    start: Start | None,
+    refined: Refined | None,
+    stature_deviation: float | None = None,
+) -> Poses:
     """The poses of a batch.
 
     Args:
@@ -34,6 +41,7 @@ def assemble(frames: FramesOf, skeleton: Skeleton, seen: Seen, start: Start | No
         seen: The people in these frames.
         start: Where the refinement started; None if nobody is seen.
         refined: Refined poses of these people (m, in the world with z up); None if nobody is seen.
+        stature_deviation: Standard deviation of the skeleton's stature (m), if it was found.
 
     Returns:
         Poses in the world of the frames (m), NaN where there are none, with a status for each frame.
@@ -58,5 +66,5 @@ def assemble(frames: FramesOf, skeleton: Skeleton, seen: Seen, start: Start | No
         confidence[done], sides[done] = uncertainty.confidence[fitted], start.sides[fitted]
     return Poses(
         joints, tips, rotations, skeleton, confidence, sides, status, frames.fps, frames.up, frames.frame_index,
-        covariance,
+        covariance, stature_deviation,
     )  # fmt: skip

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from contextlib import nullcontext
-from dataclasses import replace
 
 from ..hull import FRAMES_PER_WORD, Stopwatch
 from ..poses import Poses, join_poses
@@ -39,8 +38,7 @@ def reconstruct_batch(
         with stopwatch("refine"):
             refined = refine(start.poses, start.observed, prepared.skeleton, objective, settings.refinement)
     frames = FramesOf(prepared.to_z_up, part.up, part.fps, part.frame_index)
-    poses = assemble(frames, prepared.skeleton, seen, start, refined)
-    return replace(poses, stature_deviation=prepared.stature_deviation), track
+    return assemble(frames, prepared.skeleton, seen, start, refined, prepared.stature_deviation), track
 
 
 def reconstruct_batches(

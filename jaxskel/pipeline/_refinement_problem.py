@@ -85,8 +85,8 @@ class _Batches:
             if start is not None:
                 own = take(refined, np.arange(first, first + len(seen.frames)))
                 first += len(seen.frames)
-            parts.append(assemble(frames_of, self.skeleton, seen, start, own))
-        return replace(join_poses(parts), stature_deviation=self.stature_deviation)
+            parts.append(assemble(frames_of, self.skeleton, seen, start, own, self.stature_deviation))
+        return join_poses(parts)
 
 
 def refinement_problem(

@@ -172,6 +172,8 @@ class Stream:
         """A recording of one frame."""
         index = np.array([self._count])
         frame = replace(self._empty, silhouettes=silhouettes, frame_index=index, data={})
+        if not data and not self._empty.data:
+            return frame
         frame = frame.with_data(**{name: np.asarray(array)[None] for name, array in data.items()})
         if self._count == 0:
             self._empty = frame[:0]

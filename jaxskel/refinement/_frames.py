@@ -171,19 +171,9 @@ def _rows(first: int, count: int, size: int) -> slice | Int[np.ndarray, " size"]
     return first + np.where(np.arange(size) < count, np.arange(size), 0)
 
 
-def refine_frames_ahead(
-    threads: Executor,
-    objective: Objective,
-    parametrisation: Parametrisation,
-    solver: Solver,
-    skeleton: Skeleton,
-    initial: Pose,
-    observed: Observed,
-    rounds: int,
-    max_steps: int,
-) -> None:
-    """Begin to compile `refine_frames` for a stack of frames; all other arguments are the same."""
-    _refined.ahead(threads, objective, parametrisation, solver, skeleton, initial, observed, rounds, max_steps)
+def refine_frames_ahead(threads: Executor, *arguments: Any) -> None:
+    """Begin to compile `refine_frames` for a stack of frames, given its arguments in their order."""
+    _refined.ahead(threads, *arguments)
 
 
 @cached_jit

@@ -6,10 +6,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...recording import Recording
-from ..files import fault, keys_of, numbers, read_arrays
+from ..files import fault, keys_of, read_arrays
+from ._sequence_file import frame_numbers, rows_of
 
-PREFIX = "data_"
-"""Of keys in a sequence file that hold such data."""
 _INDEX = "frame_index"
 
 
@@ -30,7 +29,7 @@ def read_data(path: str | Path, recording: Recording) -> Recording:
     arrays = read_arrays(path, required=(), optional=tuple(keys_of(path)))
     index = recording.frame_index
     if _INDEX in arrays:
-        index = numbers(path, arrays, _INDEX, (None,)).astype(np.int64)
+        index = frame_numbers(path, arrays, arrays[_INDEX].size)
         if len(np.unique(index)) != len(index):
             raise fault(path, _INDEX, "holds a number twice; give one row for each frame")
     names = [name for name in arrays if name != _INDEX]
@@ -38,14 +37,6 @@ def read_data(path: str | Path, recording: Recording) -> Recording:
         raise fault(path, None, "has no arrays; give arrays of numbers with one row for each frame")
     rows = {name: rows_of(path, arrays, name, len(index)) for name in names}
     return recording.with_data(**{name: _by_frame(array, index, recording) for name, array in rows.items()})
-
-
-def rows_of(path: Path, arrays: dict[str, np.ndarray], key: str, frames: int) -> Float[np.ndarray, "frames ..."]:
-    """Check an array of such data."""
-    array = numbers(path, arrays, key, None, nan=True)
-    if array.shape[:1] != (frames,):
-        raise fault(path, key, f"has shape {array.shape}; give one row for each of the {frames} frames")
-    return array
 
 
 def _by_frame(

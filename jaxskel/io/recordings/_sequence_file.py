@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from ..._runtime.atomic_files import written_whole
 from ...body import JOINT_NAMES, TIP_NAMES, Skeleton, make_skeleton
@@ -15,7 +16,6 @@ from ...cameras import Cameras, make_cameras
 from ...recording import Recording, Truth
 from ..calibrations import up_axis
 from ..files import StoredRows, fault, keys_of, numbers, read_arrays, short, switches, texts
-from ._data import PREFIX, rows_of
 from ._stored import StoredSilhouettes
 
 # A person with outstretched arms spans less than this (m); ground truth in millimetres spans a thousand times more.
@@ -23,6 +23,8 @@ _WIDEST_PERSON = 5.0
 # Packed silhouettes larger than this (bytes) stay on disk: a minute at 30 frames per second fits, half an hour does
 # not.
 IN_MEMORY = 256 << 20
+# Of keys that hold data of one's own.
+_PREFIX = "data_"
 
 
 def read_sequence_file(path: Path, in_memory: int = IN_MEMORY) -> Recording:
@@ -42,7 +44,7 @@ def read_sequence_file(path: Path, in_memory: int = IN_MEMORY) -> Recording:
         ValueError: One line that names the file, the key and how to mend it.
     """
     stored = StoredRows(path, "silhouettes")
-    own = [key for key in keys_of(path) if key.startswith(PREFIX)]
+    own = [key for key in keys_of(path) if key.startswith(_PREFIX)]
     arrays = read_arrays(
         path,
         required=("K", "R", "t", "size", "fps"),
@@ -63,7 +65,7 @@ def read_sequence_file(path: Path, in_memory: int = IN_MEMORY) -> Recording:
         skeleton=skeleton_of(path, arrays),
         truth=truth(path, arrays, frames),
         name=path.stem,
-    ).with_data(**{key.removeprefix(PREFIX): rows_of(path, arrays, key, frames) for key in own})
+    ).with_data(**{key.removeprefix(_PREFIX): rows_of(path, arrays, key, frames) for key in own})
 
 
 def write_recording(path: str | Path, recording: Recording, made_by: str | None = None) -> None:
@@ -88,7 +90,7 @@ def write_recording(path: str | Path, recording: Recording, made_by: str | None 
         arrays |= {"rest_joints": skeleton.rest_joints, "rest_tips": skeleton.rest_tips}
     if truth is not None:
         arrays |= {"joints": truth.joints} | ({} if truth.tips is None else {"tips": truth.tips})
-    arrays |= {PREFIX + name: array for name, array in recording.data.items()}
+    arrays |= {_PREFIX + name: array for name, array in recording.data.items()}
     if made_by is not None:
         arrays["made_by"] = made_by
     with written_whole(Path(path)) as file:
@@ -174,6 +176,14 @@ def frame_numbers(path: Path, arrays: dict[str, np.ndarray], frames: int) -> np.
     if (index.dtype.itemsize == 8) and (index > np.iinfo(np.int64).max).any():
         raise fault(path, "frame_index", "holds numbers beyond 63 bits; number the frames from 0")
     return index.astype(np.int64)
+
+
+def rows_of(path: Path, arrays: dict[str, np.ndarray], key: str, frames: int) -> Float[np.ndarray, "frames ..."]:
+    """Check an array of data of one's own."""
+    array = numbers(path, arrays, key, None, nan=True)
+    if array.shape[:1] != (frames,):
+        raise fault(path, key, f"has shape {array.shape}; give one row for each of the {frames} frames")
+    return array
 
 
 def check_names(path: Path, arrays: dict[str, np.ndarray], key: str, names: tuple[str, ...]) -> None:
