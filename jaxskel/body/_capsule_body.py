@@ -14,11 +14,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._runtime.compile_cache import quickly_compiled
 from .._runtime.kinds import check_kind
+from ._human import JOINT_NAMES, PIVOT_NAMES, SEGMENT_NAMES, TIP_NAMES
 from ._skeleton import (
-    JOINT_NAMES,
-    PIVOT_NAMES,
-    SEGMENT_NAMES,
-    TIP_NAMES,
     Pose,
     Skeleton,
     forward_kinematics,
@@ -213,8 +210,8 @@ def limb_capsules(*limbs: str) -> Bool[np.ndarray, " capsules"]:
 
 def ball_centres(
     body: Body,
-    origins: Float[Array | np.ndarray, "*frames segments=17 3"],
-    rotations: Float[Array | np.ndarray, "*frames segments=17 3 3"],
+    origins: Float[Array | np.ndarray, "*frames segments 3"],
+    rotations: Float[Array | np.ndarray, "*frames segments 3 3"],
 ) -> Float[Array | np.ndarray, "*frames balls 3"]:
     """Centres of the balls in the world (m), for NumPy or JAX arrays."""
     # Column by column, because XLA is slow at products of such small matrices.
@@ -225,8 +222,8 @@ def ball_centres(
 
 def capsule_ends(
     body: Body,
-    origins: Float[Array | np.ndarray, "*frames segments=17 3"],
-    rotations: Float[Array | np.ndarray, "*frames segments=17 3 3"],
+    origins: Float[Array | np.ndarray, "*frames segments 3"],
+    rotations: Float[Array | np.ndarray, "*frames segments 3 3"],
 ) -> Float[Array | np.ndarray, "*frames capsules 2 3"]:
     """Centres of the balls at both ends of each capsule in the world (m), for NumPy or JAX arrays."""
     return ball_centres(body, origins, rotations)[..., body.links, :]
@@ -253,11 +250,11 @@ def place_body(
 @quickly_compiled
 def place_joints(
     skeleton: Skeleton, pose: Pose
-) -> tuple[Float[Array, "frames joints=15 3"], Float[Array, "frames tips=5 3"]]:
+) -> tuple[Float[Array, "frames joints 3"], Float[Array, "frames tips 3"]]:
     """Forward kinematics of a stack of poses: joints and tips in the world (m)."""
     return jax.vmap(forward_kinematics, in_axes=(None, 0))(skeleton, pose)
 
 
 @quickly_compiled
-def _origins(skeleton: Skeleton, pose: Pose) -> Float[Array, "frames segments=17 3"]:
+def _origins(skeleton: Skeleton, pose: Pose) -> Float[Array, "frames segments 3"]:
     return jax.vmap(lambda one: place_segments(skeleton, one)[2])(pose)

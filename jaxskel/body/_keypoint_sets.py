@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from ._skeleton import JOINT_NAMES, PIVOT_NAMES, TIP_NAMES
+from ._human import JOINT_NAMES, PIVOT_NAMES, TIP_NAMES
 
 POINT_NAMES = JOINT_NAMES + TIP_NAMES + PIVOT_NAMES
 """Points of a skeleton that a keypoint may be a weighted mean of: joints, tips, wrists and ankles."""

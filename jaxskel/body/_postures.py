@@ -8,7 +8,8 @@ from jaxtyping import Float
 
 from .._math.rotations import aligning, frame
 from .._math.vectors import unit
-from ._skeleton import JOINT_NAMES, PIVOT_NAMES, SEGMENT_NAMES, TIP_NAMES, Skeleton
+from ._human import JOINT_NAMES, PIVOT_NAMES, SEGMENT_NAMES, TIP_NAMES
+from ._skeleton import Skeleton
 
 _FRONT, _LEFT, _UP = np.eye(3)
 # A foot that reaches less far ahead at rest (m) has no direction.

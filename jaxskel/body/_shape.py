@@ -9,7 +9,8 @@ from jaxtyping import Array, Float
 
 from ._capsule_body import BALL_NAMES, BALL_SIDES, FREE_BALLS, HEM, LIKE_BALL, Body, make_body
 from ._population import Population, population_of
-from ._skeleton import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES, TIP_PARENTS, Skeleton, default_adult, make_skeleton
+from ._human import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES, TIP_PARENTS
+from ._skeleton import Skeleton, default_adult, make_skeleton
 
 LENGTH_NAMES = (
     "trunk", "neck", "shoulder", "upper_arm", "forearm", "hip", "thigh", "shank", "head_top", "fingertip", "toetip",

@@ -112,7 +112,7 @@ def bundle_adjust(
     used: Bool[np.ndarray, " frames"],
     steps: int = 15,
     tolerance: float = 1e-3,
-    joints: Float[np.ndarray, "stack joints=15 3"] | None = None,
+    joints: Float[np.ndarray, "stack joints 3"] | None = None,
 ) -> Adjusted:
     """Adjust a body and its poses to the silhouettes of many frames.
 
@@ -158,7 +158,7 @@ def _step(
     before: Adjusted,
     observed: Observed,
     frames: Int[np.ndarray, " used"],
-    joints: Float[Array, "stack joints=15 3"] | None,
+    joints: Float[Array, "stack joints 3"] | None,
     scale: np.float32,
     weight: np.float32,
 ) -> tuple[Adjusted, float]:
@@ -212,7 +212,7 @@ def linearised(
     shape: Shape,
     poses: Pose,
     stack: Observed,
-    joints: Float[Array, "stack joints=15 3"] | None = None,
+    joints: Float[Array, "stack joints 3"] | None = None,
     scale: Float[Array, ""] | np.float32 = SCALE,
     weight: Float[Array, ""] | np.float32 = _CONTOURS,
 ) -> Linear:
@@ -221,7 +221,7 @@ def linearised(
     Scale and weight are those of the contours.
     """
 
-    def one(given: tuple[Pose, Int[Array, ""], Float[Array, "joints=15 3"] | None]) -> Linear:
+    def one(given: tuple[Pose, Int[Array, ""], Float[Array, "joints 3"] | None]) -> Linear:
         pose, frame, known = given
         return _linearised(template, shape, pose, stack.of(frame), known, scale, weight)
 
@@ -233,7 +233,7 @@ def _linearised(
     shape: Shape,
     pose: Pose,
     observed: Observed,
-    joints: Float[Array, "joints=15 3"] | None,
+    joints: Float[Array, "joints 3"] | None,
     scale: Float[Array, ""] | np.float32,
     weight: Float[Array, ""] | np.float32,
 ) -> Linear:

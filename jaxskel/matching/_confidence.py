@@ -18,11 +18,11 @@ _TRUNK = {"pelvis": "pelvis", "l_hip": "pelvis", "r_hip": "pelvis", "neck": "nec
 
 
 def joint_confidence(
-    joints: Float[np.ndarray, "frames joints=15 3"],
-    tips: Float[np.ndarray, "frames tips=5 3"],
+    joints: Float[np.ndarray, "frames joints 3"],
+    tips: Float[np.ndarray, "frames tips 3"],
     limbs: Limbs,
     skeleton: Skeleton,
-) -> Float[np.ndarray, "frames joints=15"]:
+) -> Float[np.ndarray, "frames joints"]:
     """Confidence from 0 to 1 of the joints of poses (m, in the graphs' world) that were fitted to the labelled graph.
 
     A limb is trusted if its end node was found, if its path from the head through the graph is as long as the

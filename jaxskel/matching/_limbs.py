@@ -34,14 +34,14 @@ class Limbs(eqx.Module):
         found: Whether an end node was found for this label.
     """
 
-    paths: Float[np.ndarray, "frames labels=5 points 3"]
-    lengths: Float[np.ndarray, "frames labels=5"]
-    found: Bool[np.ndarray, "frames labels=5"]
+    paths: Float[np.ndarray, "frames labels points 3"]
+    lengths: Float[np.ndarray, "frames labels"]
+    found: Bool[np.ndarray, "frames labels"]
     neck: Float[np.ndarray, "frames 3"]
     pelvis: Float[np.ndarray, "frames 3"]
 
     @property
-    def ends(self) -> Float[np.ndarray, "frames labels=5 3"]:
+    def ends(self) -> Float[np.ndarray, "frames labels 3"]:
         """The labelled end nodes (m)."""
         return self.paths[:, :, -1]
 

@@ -30,7 +30,7 @@ class Matches(eqx.Module):
         cost: Mean absolute difference between the geodesic distances of the matched end nodes and the template's (m).
     """
 
-    ends: Int[np.ndarray, "frames labels=5"]
+    ends: Int[np.ndarray, "frames labels"]
     cost: Float[np.ndarray, " frames"]
 
 
@@ -47,8 +47,8 @@ class Matcher(Protocol):
 def cost_matrices(
     distances: Float[Array | np.ndarray, "frames ends ends"],
     count: Int[Array | np.ndarray, " frames"],
-    template: Float[Array | np.ndarray, "labels=5 labels=5"],
-) -> Float[Array, "frames ends labels=5"]:
+    template: Float[Array | np.ndarray, "labels labels"],
+) -> Float[Array, "frames ends labels"]:
     """C (Eq. 4): DTW cost (m) of every row of D with every row of D', infinite in the padding."""
     return _rows_with_rows(dtw, distances, count, template)
 
@@ -57,9 +57,9 @@ def cost_matrices(
 def soft_cost_matrices(
     distances: Float[Array | np.ndarray, "frames ends ends"],
     count: Int[Array | np.ndarray, " frames"],
-    template: Float[Array | np.ndarray, "labels=5 labels=5"],
+    template: Float[Array | np.ndarray, "labels labels"],
     gamma: Float[Array | np.ndarray, ""] | float,
-) -> Float[Array, "frames ends labels=5"]:
+) -> Float[Array, "frames ends labels"]:
     """As [`cost_matrices`][], but with [`soft_dtw`][] of smoothing gamma (m) instead of `dtw`, for gradients."""
 
     def soft(row, n, other):
@@ -72,8 +72,8 @@ def _rows_with_rows(
     cost: Callable[..., Array],
     distances: Float[Array | np.ndarray, "frames ends ends"],
     count: Int[Array | np.ndarray, " frames"],
-    template: Float[Array | np.ndarray, "labels=5 labels=5"],
-) -> Float[Array, "frames ends labels=5"]:
+    template: Float[Array | np.ndarray, "labels labels"],
+) -> Float[Array, "frames ends labels"]:
     """Cost matrices: `cost` of two rows, vmapped over frames, end nodes and template nodes."""
     over_labels = jax.vmap(cost, (None, None, 0))
     over_ends = jax.vmap(over_labels, (0, None, None))
@@ -122,7 +122,7 @@ class ExactMatcher(eqx.Module):
         return Matches(labels, _agreement(ends, labels, template))
 
 
-def _candidates() -> Int[np.ndarray, "candidates labels=5"]:
+def _candidates() -> Int[np.ndarray, "candidates labels"]:
     """All (root, hand, hand, foot, foot); the two of a pair are interchangeable, so only in ascending order."""
     others = range(1, MAX_ENDS)
     return np.array(

@@ -37,7 +37,7 @@ class BetterSubject:
     def __init__(self, settings: Settings):
         self._work = pickled(_FindSubject(settings), "settings", "give a subject")
         self._frames: list[Recording] = []
-        self._postures: list[Float[np.ndarray, "joints=15 3"]] = []
+        self._postures: list[Float[np.ndarray, "joints 3"]] = []
         self._worker: WorkerProcess | None = None
         self._giving = Thread()
         self._busy = False

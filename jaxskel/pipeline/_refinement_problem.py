@@ -44,7 +44,7 @@ class RefinementProblem(eqx.Module):
     observed: Observed
     skeleton: Skeleton
     body: Body
-    truth: Float[np.ndarray, "people joints=15 3"] | None
+    truth: Float[np.ndarray, "people joints 3"] | None
     cameras: Cameras
     to_z_up: Float[np.ndarray, "3 3"]
     hypotheses: Hypotheses | None

@@ -247,7 +247,7 @@ def _unexplained(poses: Pose, observed: Observed, body: Body) -> Float[np.ndarra
     return np.asarray(shares)[: len(poses.root)]
 
 
-def _away(found: Hypotheses, skeleton: Skeleton, at_once: int) -> Float[np.ndarray, "frames hypotheses joints=15 3"]:
+def _away(found: Hypotheses, skeleton: Skeleton, at_once: int) -> Float[np.ndarray, "frames hypotheses joints 3"]:
     """Where the joints of all hypotheses are, relative to those of the first (m)."""
     count, hypotheses = found.cost.shape
     if hypotheses == 1:

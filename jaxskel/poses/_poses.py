@@ -63,17 +63,17 @@ class Poses(eqx.Module):
         stature_deviation: Standard deviation of the skeleton's stature (m), if the run found it; None if it was given.
     """
 
-    joints: Float[np.ndarray, "frames joints=15 3"]
-    tips: Float[np.ndarray, "frames tips=5 3"]
-    rotations: Float[np.ndarray, "frames segments=17 3 3"] | None
+    joints: Float[np.ndarray, "frames joints 3"]
+    tips: Float[np.ndarray, "frames tips 3"]
+    rotations: Float[np.ndarray, "frames segments 3 3"] | None
     skeleton: Skeleton | None
-    confidence: Float[np.ndarray, "frames joints=15"]
+    confidence: Float[np.ndarray, "frames joints"]
     side_confidence: Float[np.ndarray, " frames"]
     status: Int[np.ndarray, " frames"]
     fps: float
     up: str
     frame_index: Int[np.ndarray, " frames"]
-    covariance: Float[np.ndarray, "frames joints=15 3 3"] | None = None
+    covariance: Float[np.ndarray, "frames joints 3 3"] | None = None
     stature_deviation: float | None = None
 
     def __len__(self) -> int:
@@ -94,7 +94,7 @@ class Poses(eqx.Module):
         return Pose(self.joints[:, 0], self._known_rotations())
 
     @property
-    def local_rotations(self) -> Float[np.ndarray, "frames segments=17 3 3"]:
+    def local_rotations(self) -> Float[np.ndarray, "frames segments 3 3"]:
         """Rotation of each segment relative to its parent in `SEGMENT_PARENTS`, from rest; the pelvis to the world.
 
         Raises:
@@ -105,7 +105,7 @@ class Poses(eqx.Module):
         return np.concatenate([rotations[:, :1], parents @ rotations[:, 1:]], axis=1)
 
     @property
-    def quaternions(self) -> Float[np.ndarray, "frames segments=17 4"]:
+    def quaternions(self) -> Float[np.ndarray, "frames segments 4"]:
         """`rotations` as unit quaternions, w first, whose signs do not flip over the film; NaN without a pose.
 
         Raises:
@@ -114,7 +114,7 @@ class Poses(eqx.Module):
         return to_quaternions(self._known_rotations())
 
     @property
-    def local_quaternions(self) -> Float[np.ndarray, "frames segments=17 4"]:
+    def local_quaternions(self) -> Float[np.ndarray, "frames segments 4"]:
         """`local_rotations` as unit quaternions, w first, whose signs do not flip over the film; NaN without a pose.
 
         Raises:
@@ -122,13 +122,13 @@ class Poses(eqx.Module):
         """
         return to_quaternions(self.local_rotations)
 
-    def _known_rotations(self) -> Float[np.ndarray, "frames segments=17 3 3"]:
+    def _known_rotations(self) -> Float[np.ndarray, "frames segments 3 3"]:
         if self.rotations is None:
             raise ValueError("the poses hold no rotations, because an older version wrote them; reconstruct again")
         return self.rotations
 
     @property
-    def deviations(self) -> Float[np.ndarray, "frames joints=15"] | None:
+    def deviations(self) -> Float[np.ndarray, "frames joints"] | None:
         """Standard deviation of each joint along an axis, the root mean square over all directions (m)."""
         return None if self.covariance is None else np.sqrt(np.trace(self.covariance, axis1=-2, axis2=-1) / 3)
 

@@ -40,8 +40,8 @@ class Score(eqx.Module):
         without_truth: Frames left out because their truth is not known.
     """
 
-    distances: Float[np.ndarray, "frames joints=15"]
-    forgiven: Float[np.ndarray, "frames joints=15"]
+    distances: Float[np.ndarray, "frames joints"]
+    forgiven: Float[np.ndarray, "frames joints"]
     has_pose: Bool[np.ndarray, " frames"]
     threshold: float
     without_truth: int = 0
@@ -64,7 +64,7 @@ class Score(eqx.Module):
         # By rank, without interpolation, because the distance of a missing joint is infinite.
         return float(np.percentile(chosen, q, method="inverted_cdf")) if chosen.size else float("nan")
 
-    def curve(self, forgive_swaps: bool = False) -> Float[np.ndarray, "thresholds joints=15"]:
+    def curve(self, forgive_swaps: bool = False) -> Float[np.ndarray, "thresholds joints"]:
         """Share of frames in which each joint is within each of `CURVE_THRESHOLDS_MM`: Figure 3(b)."""
         thresholds = np.array(CURVE_THRESHOLDS_MM) / 1000
         return (self._counted(forgive_swaps)[None] <= thresholds[:, None, None]).mean(axis=1)
@@ -106,8 +106,8 @@ class Score(eqx.Module):
 
 
 def score(
-    poses_joints: Float[np.ndarray, "frames joints=15 3"],
-    truth_joints: Float[np.ndarray, "truth_frames joints=15 3"],
+    poses_joints: Float[np.ndarray, "frames joints 3"],
+    truth_joints: Float[np.ndarray, "truth_frames joints 3"],
     has_pose: Shaped[np.ndarray, " flags"] | None = None,
     threshold: float = 0.1,
 ) -> Score:

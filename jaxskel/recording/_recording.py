@@ -22,8 +22,8 @@ class Truth(eqx.Module):
         tips: Limb tips in the recording's world (m).
     """
 
-    joints: Float[np.ndarray, "frames joints=15 3"]
-    tips: Float[np.ndarray, "frames tips=5 3"] | None = None
+    joints: Float[np.ndarray, "frames joints 3"]
+    tips: Float[np.ndarray, "frames tips 3"] | None = None
 
 
 class Recording(eqx.Module):

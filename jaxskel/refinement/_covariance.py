@@ -19,7 +19,7 @@ _UNSEEN, _RELATIVE = 1e-2, 1e-5
 
 def joint_covariance(
     objective: Objective, parametrisation: Parametrisation, base: Any, skeleton: Skeleton, observed: Observed
-) -> Float[Array, "joints=15 3 3"]:
+) -> Float[Array, "joints 3 3"]:
     """Covariance of the joints of one frame, G (J^T J)^-1 G^T, where J and G are derivatives by the unknowns.
 
     J is that of the residuals, with correspondences fixed, and G that of the joints.
@@ -57,7 +57,7 @@ def spread(
     unknowns: Float[Array, " unknowns"],
     base: Any,
     skeleton: Skeleton,
-) -> Float[Array, "joints=15 3 3"]:
+) -> Float[Array, "joints 3 3"]:
     """Covariance of the joints where normal equations have been formed: at some unknowns, relative to a base."""
     _, slope = jax.linearize(lambda some: parametrisation.reached(some, base, skeleton).joints, unknowns)
     moved = jax.vmap(slope, out_axes=-1)(jnp.eye(len(unknowns), dtype=unknowns.dtype))

@@ -44,9 +44,9 @@ class Refined(eqx.Module):
     """
 
     pose: Pose
-    joints: Float[Array, "*frames joints=15 3"]
-    tips: Float[Array, "*frames tips=5 3"]
-    covariance: Float[Array, "*frames joints=15 3 3"]
+    joints: Float[Array, "*frames joints 3"]
+    tips: Float[Array, "*frames tips 3"]
+    covariance: Float[Array, "*frames joints 3 3"]
     costs: dict[str, Float[Array, "*frames"]]
     converged: Bool[Array, "*frames"]
     finite: Bool[Array, "*frames"]

@@ -49,7 +49,7 @@ def learn_weights(
     skeleton: Skeleton,
     initial: Pose,
     observed: Observed,
-    labels: Float[np.ndarray, "frames joints=15 3"],
+    labels: Float[np.ndarray, "frames joints 3"],
     solver: Solver | None = None,
     rounds: int = 3,
     max_steps: int = 100,

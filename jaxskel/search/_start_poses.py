@@ -43,7 +43,7 @@ def start_poses(limbs: Limbs, facing: Float[np.ndarray, "frames 3"], skeleton: S
     return _eight_ways(limbs.pelvis, spine, front, np.where(missing[..., None], other, feet), skeleton)
 
 
-def other_ways(joints: Float[np.ndarray, "frames joints=15 3"], skeleton: Skeleton) -> Pose:
+def other_ways(joints: Float[np.ndarray, "frames joints 3"], skeleton: Skeleton) -> Pose:
     """Eight poses a frame around a pose already found, facing four ways and with the feet exchanged or not.
 
     Args:
@@ -130,7 +130,7 @@ def _pose(
     left: Float[np.ndarray, "frames 3"],
     feet: Float[np.ndarray, "frames 2 3"],
     skeleton: Skeleton,
-) -> Float[np.ndarray, "frames segments=17 3 3"]:
+) -> Float[np.ndarray, "frames segments 3 3"]:
     points = np.concatenate([skeleton.rest_joints, skeleton.pivots]).astype(np.float64)
     rest: dict[str, np.ndarray] = dict(zip(JOINT_NAMES + PIVOT_NAMES, points, strict=True))
     trunk = frame(spine, left) @ aligning(unit(rest["neck"]), np.array([0.0, 0.0, 1.0]))

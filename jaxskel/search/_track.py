@@ -236,9 +236,9 @@ def _onwards(last: Pose, before: Pose) -> Pose:
     return Pose(2 * jnp.asarray(last.root) - before.root, straight)
 
 
-def _last_place(model: Model, track: Track) -> Float[np.ndarray, "joints=15 3"]:
+def _last_place(model: Model, track: Track) -> Float[np.ndarray, "joints 3"]:
     return _places(model, jax.tree.map(lambda a: a[None], track.last))[0]
 
 
-def _places(model: Model, poses: Pose) -> Float[np.ndarray, "frames joints=15 3"]:
+def _places(model: Model, poses: Pose) -> Float[np.ndarray, "frames joints 3"]:
     return np.asarray(place_joints(model.skeleton, single_precision(poses))[0])

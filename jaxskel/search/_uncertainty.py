@@ -40,14 +40,14 @@ class Uncertainty(NamedTuple):
         confidence: Probability that it is within 100 mm of the truth.
     """
 
-    covariance: Float[np.ndarray, "frames joints=15 3 3"]
-    confidence: Float[np.ndarray, "frames joints=15"]
+    covariance: Float[np.ndarray, "frames joints 3 3"]
+    confidence: Float[np.ndarray, "frames joints"]
 
 
 def searched_uncertainty(
-    away: Float[np.ndarray, "frames hypotheses joints=15 3"],
+    away: Float[np.ndarray, "frames hypotheses joints 3"],
     cost: Float[np.ndarray, "frames hypotheses"],
-    covariance: Float[np.ndarray, "frames joints=15 3 3"],
+    covariance: Float[np.ndarray, "frames joints 3 3"],
     cost_threshold: float,
     unexplained: Float[np.ndarray, " frames"],
     clothes: float = 0.0,

@@ -27,7 +27,7 @@ def draw_hull(image: Image, hull: Bool[np.ndarray, "h w"]) -> None:
     image[hull] = (0.6 * image[hull] + 0.4 * np.array(HULL)).astype(np.uint8)
 
 
-def draw_skeleton(image: Image, cameras: Cameras, view: int, joints: Float[np.ndarray, "joints=15 3"]) -> None:
+def draw_skeleton(image: Image, cameras: Cameras, view: int, joints: Float[np.ndarray, "joints 3"]) -> None:
     """Draw the bones of a pose (world, m); a pose of NaN leaves the image unchanged."""
     if not np.isfinite(joints).all():
         return

@@ -162,7 +162,7 @@ def read_truth(path: str | Path) -> tuple[Truth, str, np.ndarray]:
 
 def _rotations(
     path: Path, arrays: dict[str, np.ndarray], status: np.ndarray
-) -> tuple[Float[np.ndarray, "frames segments=17 3 3"] | None, Skeleton | None]:
+) -> tuple[Float[np.ndarray, "frames segments 3 3"] | None, Skeleton | None]:
     """Rotations of the segments and their template (m), where the file has them."""
     missing = [key for key in _ROTATIONS if key not in arrays]
     if len(missing) == len(_ROTATIONS):
@@ -188,7 +188,7 @@ def _rotations(
 
 def _covariance(
     path: Path, arrays: dict[str, np.ndarray], status: np.ndarray
-) -> Float[np.ndarray, "frames joints=15 3 3"] | None:
+) -> Float[np.ndarray, "frames joints 3 3"] | None:
     """Covariances of the joints (m^2), where the file has them."""
     if "sigma" not in arrays:
         return None

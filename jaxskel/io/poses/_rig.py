@@ -65,7 +65,7 @@ class TPose:
     """
 
     offsets: Float[np.ndarray, "joints 3"]
-    upright: Float[np.ndarray, "segments=17 3 3"]
+    upright: Float[np.ndarray, "segments 3 3"]
 
 
 def rig_of(skeleton: Skeleton, pose: Pose) -> Rig:

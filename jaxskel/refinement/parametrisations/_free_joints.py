@@ -38,8 +38,8 @@ class JointPositions(eqx.Module):
         multipliers: Lagrange multipliers of the lengths, over twice their weight (m).
     """
 
-    joints: Float[Array, "joints=15 3"]
-    rotations: Float[Array, "segments=17 3 3"]
+    joints: Float[Array, "joints 3"]
+    rotations: Float[Array, "segments 3 3"]
     multipliers: Float[Array, " lengths=15"]
 
 
@@ -127,7 +127,7 @@ class AugmentedLagrangian(FreeJoints):
         return JointPositions(base.joints, base.rotations, multipliers)
 
 
-def length_errors(joints: Float[Array, "joints=15 3"], skeleton: Skeleton) -> Float[Array, " lengths=15"]:
+def length_errors(joints: Float[Array, "joints 3"], skeleton: Skeleton) -> Float[Array, " lengths=15"]:
     """Actual minus template length (m) of the bones, in the order of their joints, and of the hip distance."""
     rest = jnp.asarray(skeleton.rest_joints)
     lengths, expected = (

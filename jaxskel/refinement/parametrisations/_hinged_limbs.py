@@ -39,7 +39,7 @@ def _levels() -> list[tuple[np.ndarray, np.ndarray]]:
     return [(level, np.array(SEGMENT_PARENTS, np.int32)[level]) for level in levels]
 
 
-def _hangs_on() -> Float[np.ndarray, "segments=17 segments=17"]:
+def _hangs_on() -> Float[np.ndarray, "segments segments"]:
     """One where a segment (row) equals or descends from another (column), else zero."""
     chain = np.eye(len(SEGMENT_NAMES), dtype=np.float32)
     for segment, parent in enumerate(SEGMENT_PARENTS[1:], 1):
@@ -122,9 +122,7 @@ class HingedLimbs(JointRotations):
         first, second, hinges = self._axes(base, skeleton)
         return jnp.concatenate([jnp.eye(3), first, second, hinges])[_AXES]
 
-    def _turns(
-        self, unknowns: Float[Array, " unknowns"], base: Pose, skeleton: Skeleton
-    ) -> Float[Array, "segments=17 3"]:
+    def _turns(self, unknowns: Float[Array, " unknowns"], base: Pose, skeleton: Skeleton) -> Float[Array, "segments 3"]:
         """Rotation vector (rad) of each segment relative to its parent, in the world of the base pose."""
         first, second, hinges = self._axes(base, skeleton)
         free, across, flexion = (unknowns[3:][places] for places in (_FREE_AT, _ACROSS_AT, _HINGES_AT))

@@ -30,7 +30,7 @@ class Motion(eqx.Module):
     turns: Float[Array, "*stack unknowns 3"]
     pivots: Float[Array, "*stack unknowns 3"]
     shifts: Float[np.ndarray, "*stack unknowns 3"]
-    moves: Float[np.ndarray, "*stack unknowns segments=17"]
+    moves: Float[np.ndarray, "*stack unknowns segments"]
 
     def some(self, unknowns: Int[np.ndarray, "*stack some"]) -> "Motion":
         """Select unknowns, or stacks of them."""

@@ -25,10 +25,10 @@ class PlacedBody(eqx.Module):
         origins: Pivot that each segment turns about (m).
     """
 
-    joints: Float[Array, "joints=15 3"]
-    tips: Float[Array, "tips=5 3"]
-    rotations: Float[Array, "segments=17 3 3"]
-    origins: Float[Array, "segments=17 3"]
+    joints: Float[Array, "joints 3"]
+    tips: Float[Array, "tips 3"]
+    rotations: Float[Array, "segments 3 3"]
+    origins: Float[Array, "segments 3"]
 
 
 class Observed(eqx.Module):
@@ -43,8 +43,8 @@ class Observed(eqx.Module):
         data: What else is known of each frame, by names of your own, see `with_data`.
     """
 
-    paths: Float[Array | np.ndarray, "*frames labels=5 points 3"]
-    found: Bool[Array | np.ndarray, "*frames labels=5"]
+    paths: Float[Array | np.ndarray, "*frames labels points 3"]
+    found: Bool[Array | np.ndarray, "*frames labels"]
     neck: Float[Array | np.ndarray, "*frames 3"]
     pelvis: Float[Array | np.ndarray, "*frames 3"]
     contours: Contours | None = None

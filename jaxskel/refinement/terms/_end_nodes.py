@@ -20,7 +20,7 @@ class EndNodeAttraction(AbstractTerm):
     weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
     reach: Float[Array, ""] = eqx.field(converter=number, default=END_NODE_REACH)
 
-    def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "tips=5 3"]:
+    def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "tips 3"]:
         """Differences between points on the last bones and the end nodes (m)."""
         joints = body.joints[np.array(TIP_PARENTS)]
         ends = joints + self.reach * (body.tips - joints)

@@ -80,7 +80,7 @@ def pose_numbers(poses: Poses, origin: Float[np.ndarray, "3"], step: float) -> d
 
 
 def body_points(
-    joints: Float[np.ndarray, "frames joints=15 3"], tips: Float[np.ndarray, "frames tips=5 3"] | None
+    joints: Float[np.ndarray, "frames joints 3"], tips: Float[np.ndarray, "frames tips 3"] | None
 ) -> Float[np.ndarray, "frames points=20 3"]:
     """Joints followed by tips (m); unknown tips are NaN."""
     if tips is None:
@@ -89,8 +89,8 @@ def body_points(
 
 
 def _spread(
-    covariance: Float[np.ndarray, "frames joints=15 3 3"], turn: Float[np.ndarray, "3 3"]
-) -> Int16[np.ndarray, "frames joints=15 6"]:
+    covariance: Float[np.ndarray, "frames joints 3 3"], turn: Float[np.ndarray, "3 3"]
+) -> Int16[np.ndarray, "frames joints 6"]:
     """Lower triangles of the Cholesky factors of the covariances, row by row, in steps; zeros where unknown."""
     known = np.isfinite(covariance).all((-2, -1))
     factors = np.zeros(covariance.shape)

@@ -22,7 +22,7 @@ def body_points(poses: Poses, frame: int) -> Float[np.ndarray, "points=20 3"]:
 
 
 def log_skeleton(
-    stream: rr.RecordingStream, points: Float[np.ndarray, "points=20 3"], confidence: Float[np.ndarray, " joints=15"]
+    stream: rr.RecordingStream, points: Float[np.ndarray, "points=20 3"], confidence: Float[np.ndarray, " joints"]
 ) -> None:
     """Log joints, tips and bones of one frame (m), thinner at lower confidence; NaN clears them."""
     sure = np.concatenate([confidence, confidence[list(TIP_PARENTS)]])
