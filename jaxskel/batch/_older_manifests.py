@@ -20,7 +20,7 @@ _PACKAGE = "jaxskel."
 # Values that were fixed in every earlier version.
 _ALWAYS = {"graph": {"skeletoniser": {"class": "VoxelScooping"}}}
 _SEARCH = {"objective": "volume_objective"}
-_SETTINGS = {"template": None}
+_SETTINGS: dict[str, Any] = {"template": None}
 # The default of a prior was written out where it is the template's now.
 _FIRMNESS = [1.0, 0.5, 3.0, 0.05, 0.1, 3.0, 0.05, 0.1, 0.2, 0.2, 0.2, 0.2, 0.0, 0.0, 0.0, 0.0]
 
@@ -29,13 +29,12 @@ def modern_method(method: Mapping[str, Any]) -> dict[str, Any]:
     """A manifest's method in the current format; one that has it already is returned unchanged."""
     found = _without_places(dict(method))
     settings = found.get("settings")
-    if isinstance(settings, dict) and "spacing" in settings:
-        found["settings"] = settings = _grouped(settings)
-    if isinstance(settings, dict):
-        found["settings"] = settings = _SETTINGS | settings
-    if isinstance(settings, dict) and isinstance(settings.get("search"), dict):
-        found["settings"] = settings | {"search": _SEARCH | settings["search"]}
-    return found
+    if not isinstance(settings, dict):
+        return found
+    settings = _SETTINGS | (_grouped(settings) if "spacing" in settings else settings)
+    if isinstance(settings.get("search"), dict):
+        settings["search"] = _SEARCH | settings["search"]
+    return found | {"settings": settings}
 
 
 @cache

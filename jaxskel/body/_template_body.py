@@ -13,10 +13,17 @@ def balls_of_points(
 ) -> tuple[
     Int[np.ndarray, " points"], Float[np.ndarray, "points 3"], Float[np.ndarray, " points"], Int[np.ndarray, "bones 2"]
 ]:
-    """Segments, offsets from their origins (m), radii (m) and links of the balls around joints, then tips."""
+    """Segments, offsets from their origins (m), radii (m) and links of the balls around joints, then tips.
+
+    Tips lie on the surface: their balls are shifted inwards.
+    """
     template = skeleton.template
     points = np.concatenate([skeleton.rest_joints, skeleton.rest_tips])
-    segments = template.segments_of_points
-    shares = np.full(len(points), _SLIM) if template.radii is None else np.array(template.radii)
-    links = np.stack([template.point_parents[1:], np.arange(1, len(points), dtype=np.int32)], 1)
-    return segments, points - np.asarray(rest_origins(skeleton))[segments], skeleton.size * shares, links
+    joints, parents, segments = len(skeleton.rest_joints), template.point_parents, template.segments_of_points
+    radii = skeleton.size * (np.full(len(points), _SLIM) if template.radii is None else np.array(template.radii))
+    centres = points.copy()
+    inwards = points[parents[joints:]] - points[joints:]
+    length = np.linalg.norm(inwards, axis=1)
+    centres[joints:] += (np.minimum(radii[joints:], length / 2) / length)[:, None] * inwards
+    links = np.stack([parents[1:], np.arange(1, len(points), dtype=np.int32)], 1)
+    return segments, centres - np.asarray(rest_origins(skeleton))[segments], radii, links

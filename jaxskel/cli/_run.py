@@ -9,10 +9,11 @@ import numpy as np
 import typer
 
 from ..batch import Method
+from ..body import Skeleton
 from ..io.poses import write_poses
 from ..io.recordings import holds_volumes, read_data
 from ..pipeline import HullSettings, Settings, advice, advice_for_volumes, paper_settings
-from ..poses import Poses, smooth
+from ..poses import smooth
 from ..search import Tracking
 from ..verdict import doubts_before_work
 from ._objective import ObjectiveFile
@@ -22,6 +23,7 @@ from ._outputs import files_of
 from ._progress import StageTimes, doubt, reconstruct_with_progress, summary, volumes_with_progress
 from ._ranges import check_number
 from ._say import say, warn
+from ._template import TemplateOption, files_of_template, found_subject, template_of
 from ._verdict import Anyway
 
 MOST_JOBS = 256
@@ -69,6 +71,7 @@ def run(
     box: Box = None,
     preset: PresetOption = Preset.DEFAULT,
     track: Track = False,
+    template: TemplateOption = None,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Number of processes, each on its own core.")] = 1,
     smooth_hz: Smooth = None,
     anyway: Anyway = False,
@@ -81,13 +84,13 @@ def run(
     ] = None,
 ) -> None:
     """Reconstruct every frame; write poses.npz and poses.csv."""
-    settings = make_settings(preset, spacing, max_misses, box, track)
+    settings = make_settings(preset, spacing, max_misses, box, track, template_of(template))
     if objective is not None:
         settings = _with_objective(settings, ObjectiveFile(objective))
     method = Method(settings, smooth_hz, subject)
     check_number("--smooth", smooth_hz, 1e-3, 1e6, "a cutoff in Hz")
     check_number("--jobs", jobs, 1, MOST_JOBS, "a number of processes")
-    others = [path for path in (subject, objective, data) if path is not None]
+    others = [path for path in (subject, objective, data) if path is not None] + files_of_template(template)
     check_output(output, POSES_FILES, [*files_of(source), *others])
     settings, times = method.settings_for_subject(), StageTimes()
     if preset is Preset.PAPER and holds_volumes(source):
@@ -119,15 +122,6 @@ def run(
         raise typer.Exit(1)
 
 
-def found_subject(poses: Poses) -> str:
-    """What was found out about a subject whose dimensions were unknown."""
-    assert poses.skeleton is not None  # poses of a run have one
-    stature, deviation = poses.skeleton.stature, poses.stature_deviation
-    if deviation is None:
-        return f"unknown subject: stature {stature:.2f} m, average proportions"
-    return f"unknown subject: stature {stature:.2f} +- {deviation:.2f} m"
-
-
 def _with_objective(settings: Settings, objective: ObjectiveFile) -> Settings:
     """The settings with an objective for the search, if there is one, and for the refinement."""
     search = None if settings.search is None else replace(settings.search, objective=objective)
@@ -148,14 +142,24 @@ def refuse_carving(
 
 
 def make_settings(
-    preset: Preset, spacing: float, max_misses: int | None, box: tuple[float, ...] | None, track: bool = False
+    preset: Preset,
+    spacing: float,
+    max_misses: int | None,
+    box: tuple[float, ...] | None,
+    track: bool = False,
+    template: Skeleton | None = None,
 ) -> Settings:
     """Make settings from options."""
     if track and preset is Preset.PAPER:
         raise ValueError("--track: the paper's method treats each frame by itself; leave out --track or --preset")
     check_number("--spacing", spacing, 1e-3, 1.0, "the edge of a voxel in metres")
     check_number("--max-misses", max_misses, 0, 1000, "a number of cameras")
-    base = paper_settings() if preset is Preset.PAPER else Settings()
+    if template is not None and preset is not Preset.PAPER and not template.template.is_human:
+        raise ValueError(
+            f"--template: {template.template.name!r} has points that are not on the human body, as the search needs; "
+            "add --preset paper"
+        )
+    base = paper_settings(template) if preset is Preset.PAPER else Settings(template=template)
     corners = None if box is None else _corners(box)
     misses = base.hull.max_misses if max_misses is None else max_misses
     hull = replace(base.hull, spacing=spacing, max_misses=misses, box=corners)

@@ -12,6 +12,7 @@ from . import poses as poses
 from . import proposals as proposals
 from . import recordings as recordings
 from . import subjects as subjects
+from . import templates as templates
 from . import views as views
 from .calibrations import Calibration as Calibration
 from .calibrations import choose_views as choose_views
@@ -48,3 +49,4 @@ from .recordings import write_recording as write_recording
 from .subjects import read_body as read_body
 from .subjects import read_subject as read_subject
 from .subjects import write_subject as write_subject
+from .templates import read_template as read_template

@@ -33,5 +33,6 @@ def labelled_limbs(
     if skeleton.template == HUMAN_15:
         return tell_sides(label_limbs(graphs, ends, matches, skeleton, descriptor), skeleton)
     limbs = label_limbs(graphs, ends, matches, skeleton, skeleton.template.described_by)
-    limbs, sides = arrange(limbs, ends, matches, skeleton)
+    matches, sides = arrange(graphs, ends, matches, limbs, skeleton)
+    limbs = label_limbs(graphs, ends, matches, skeleton, skeleton.template.described_by)
     return limbs, np.zeros((len(graphs), 3)), sides

@@ -111,12 +111,12 @@ def label_limbs(
         off = np.where(used[:, None], (here - template[joint]) ** 2, 0.0).sum(-1)
         nearest = np.argmin(np.where(forest.real, off, np.inf), 1)
         inner[:, place] = forest.positions[np.arange(len(graphs)), nearest]
-    paths, lengths = _paths(forest, nodes)
+    paths, lengths = paths_from_root(forest, nodes)
     paths[~found], lengths[~found] = 0.0, 0.0
     return Limbs(paths, lengths, found, inner)
 
 
-def _paths(
+def paths_from_root(
     forest: Forest, ends: Int[np.ndarray, "frames labels"]
 ) -> tuple[Float[np.ndarray, "frames labels points 3"], Float[np.ndarray, "frames labels"]]:
     """Points on the paths from the root to some nodes, evenly spaced along the graph, and the path lengths (m)."""

@@ -5,15 +5,18 @@ import numpy as np
 from jaxtyping import Float
 
 from .._runtime.kinds import check_count, check_kind, check_number
-from ..body import Body, Skeleton, default_adult, make_body
+from ..body import HUMAN_15, Body, Skeleton, default_adult, make_body
 from ..graph import MIN_BRANCH, HeadBall, HighestVoxel, RootFinder, Skeletoniser, VoxelScooping
 from ..hull import check_spacing
-from ..matching import HANDLESS_DESCRIPTOR, PAPER_DESCRIPTOR, DtwMatcher, Matcher
+from ..matching import HANDLESS_DESCRIPTOR, PAPER_DESCRIPTOR, DtwMatcher, ExactMatcher, Matcher
 from ..refinement import Solver, check_choices
 from ..refinement.parametrisations import ExactBones, HingedLimbs, Parametrisation
 from ..refinement.solvers import NormalEquationsLM, default_solver
 from ..refinement.terms import GivenObjective, Objective, check_given, objective_of, paper_objective, volume_objective
 from ..search import Search, Tracking
+
+# Shortest branch of other templates (m, for a body of a person's size): a finger of a hand that is as large has 0.5 m.
+_SHORT_BRANCH = 0.18
 
 
 class HullSettings(eqx.Module):
@@ -178,11 +181,18 @@ def paper_settings(template: Skeleton | None = None) -> Settings:
     The head is the highest voxel, Eq. 5 describes inner nodes by all end nodes, every view carves, and the pose of the
     labelled graph is refined against the graph with fixed bone lengths. Correspondences are looked up often: that
     lowers the error more than the last percent of the cost does.
+
+    Limbs of another template may be shorter, and more of them equally long: shorter branches are kept, and the matcher
+    is the exact one. Of 50 random poses each, 99.8 % of a quadruped's end nodes and 97 % of a hand's get the right
+    label, with DTW 98 and 96 %: see `benchmarks/templates.py`.
     """
+    other = template is not None and template.template != HUMAN_15
     return Settings(
         hull=HullSettings(max_misses=0),
-        graph=GraphSettings(root_finder=HighestVoxel()),
-        matching=MatchingSettings(descriptor=PAPER_DESCRIPTOR),
+        graph=GraphSettings(root_finder=HighestVoxel(), min_branch=_SHORT_BRANCH if other else MIN_BRANCH),
+        matching=MatchingSettings(
+            matcher=ExactMatcher() if other else DtwMatcher(), descriptor=PAPER_DESCRIPTOR
+        ),
         search=None,
         refinement=RefinementSettings(
             objective=paper_objective(), parametrisation=ExactBones(),

@@ -143,7 +143,7 @@ def _layout(template: SkeletonTemplate) -> _Layout:
     axes[places[2][:, 0]] = 3 + 2 * len(across) + np.arange(len(hinges))
     joints, pivots = len(template.joint_names), len(template.pivots)
     carriers = template.segments_of_points.tolist()
-    ends = [carriers.index(segment) for segment in across]
+    ends = [carriers.index(segment) for segment in across.tolist()]
     of_segment = [hinge.segment for hinge in template.hinges]
     depths = [0]
     for parent in template.segment_parents[1:]:
@@ -152,7 +152,7 @@ def _layout(template: SkeletonTemplate) -> _Layout:
     return _Layout(
         across,
         np.array([end if end < joints else end + pivots for end in ends], np.int32),
-        np.array([of_segment.index(segment) for segment in hinges], np.int32),
+        np.array([of_segment.index(segment) for segment in hinges.tolist()], np.int32),
         parents[hinges],
         places,
         np.argsort(np.concatenate(groups)).astype(np.int32),
