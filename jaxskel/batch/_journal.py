@@ -11,20 +11,14 @@ import jax
 import numpy as np
 
 from .._runtime.atomic_files import written_whole
-from ..body import Pose, Skeleton
+from ..body import HUMAN_15, Pose, Skeleton, SkeletonTemplate
 from ..io.files import numbers, read_arrays, texts
 from ..poses import Poses
 from ..search import Track
 from ._disk import remove_unfinished
 
-_ROW = np.dtype([
-    ("joints", "<f4", (15, 3)), ("tips", "<f4", (5, 3)), ("rotations", "<f4", (17, 3, 3)),
-    ("covariance", "<f4", (15, 3, 3)), ("confidence", "<f4", (15,)), ("side_confidence", "<f4"), ("status", "<i8"),
-    ("frame_index", "<i8"),
-])  # fmt: skip
-ROW_BYTES = _ROW.itemsize
 _ROWS, _STATE = "rows.bin", "state.npz"
-_NOWHERE = Pose(np.zeros(3), np.zeros((17, 3, 3)))
+_NOWHERE = Pose(np.zeros(3), np.zeros((len(HUMAN_15.segment_names), 3, 3)))
 _TRACK = jax.tree.structure(Track(_NOWHERE, _NOWHERE, 0, np.zeros(0)))
 
 
@@ -35,17 +29,18 @@ class Journal:
     with. What was written for other work, or is damaged, is thrown away: these two files, and no other.
     """
 
-    def __init__(self, folder: Path, work: str, request: str = ""):
+    def __init__(self, folder: Path, work: str, request: str = "", template: SkeletonTemplate = HUMAN_15):
         """Open the folder, or make it.
 
         Args:
             folder: The folder.
             work: What the poses depend on: anything that is the same only if they are.
             request: Name of a request to compute again: poses from before it do not count. Empty: all do.
+            template: What the skeleton of all poses consists of.
         """
         self.folder = folder
         self._rows, self._state = folder / _ROWS, folder / _STATE
-        self._request = request
+        self._request, self._row = request, _row(template)
         self._work = hashlib.sha256(work.encode(errors="surrogateescape")).hexdigest()
         self.frames, self._digest, self.track = 0, 0, None
         try:
@@ -55,12 +50,12 @@ class Journal:
             discard_journal(folder)
             folder.mkdir(parents=True, exist_ok=True)
         with open(self._rows, "ab") as file:
-            file.truncate(self.frames * _ROW.itemsize)
+            file.truncate(self.frames * self._row.itemsize)
 
     def append(self, poses: Poses, track: Track | None) -> None:
         """Add the next frames, and what the ones after them go on with."""
-        rows = np.zeros(len(poses), _ROW)
-        for name in _ROW.names or ():
+        rows = np.zeros(len(poses), self._row)
+        for name in self._row.names or ():
             rows[name] = getattr(poses, name)
         content = rows.tobytes()
         with open(self._rows, "ab") as file:
@@ -76,11 +71,11 @@ class Journal:
             np.savez(file, **state)
 
     def poses(self, fps: float, up: str, skeleton: Skeleton, stature_deviation: float | None) -> Poses:
-        """All poses so far, of this template (m)."""
-        rows = np.fromfile(self._rows, _ROW)
+        """All poses so far, of this skeleton (m)."""
+        rows = np.fromfile(self._rows, self._row)
         return Poses(
-            **{name: rows[name] for name in _ROW.names or ()}, fps=fps, up=up, skeleton=skeleton,
-            stature_deviation=stature_deviation,
+            **{name: rows[name] for name in self._row.names or ()}, fps=fps, up=up, skeleton=skeleton,
+            stature_deviation=stature_deviation, template=skeleton.template,
         )  # fmt: skip
 
     def _resume(self) -> None:
@@ -90,7 +85,7 @@ class Journal:
         with open(self._rows, "rb") as file:
             found = 0
             for _ in range(frames):
-                found = zlib.crc32(file.read(_ROW.itemsize), found)
+                found = zlib.crc32(file.read(self._row.itemsize), found)
         written = [*texts(self._state, arrays, "work"), *texts(self._state, arrays, "digest")]
         if written != [self._work, str(found)]:
             raise ValueError(f"{self.folder}: the poses of other work, or damaged ones")
@@ -104,6 +99,16 @@ class Journal:
             track = jax.tree.unflatten(_TRACK, [arrays[key] for key in leaves])
             # Numbers that were Python's are so again: JAX compiles anew for others.
             self.track = replace(track, since=int(track.since), sides=float(track.sides))
+
+
+def _row(template: SkeletonTemplate) -> np.dtype:
+    """What is kept of each frame."""
+    joints, tips, segments = len(template.joint_names), len(template.tip_names), len(template.segment_names)
+    return np.dtype([
+        ("joints", "<f4", (joints, 3)), ("tips", "<f4", (tips, 3)), ("rotations", "<f4", (segments, 3, 3)),
+        ("covariance", "<f4", (joints, 3, 3)), ("confidence", "<f4", (joints,)), ("side_confidence", "<f4"),
+        ("status", "<i8"), ("frame_index", "<i8"),
+    ])  # fmt: skip
 
 
 def discard_journal(folder: Path) -> None:

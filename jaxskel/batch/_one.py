@@ -150,7 +150,7 @@ def _reconstructed(
         settings = method.settings_for_subject()
         prepared = prepare(recording, settings)
     work = replace(reading.work, source="")
-    journal = folder.journal(json.dumps(asdict(work) | {"moment": reading.moment}), request)
+    journal = folder.journal(json.dumps(asdict(work) | {"moment": reading.moment}), request, prepared.skeleton.template)
     resumed = journal.frames
     on_sign("reconstructing")
     with _timed(seconds, "reconstruct"):
