@@ -4,7 +4,6 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...body import JOINT_NAMES, TIP_NAMES
 from ...poses import Poses
 from ...recording import rotation_to_z_up
 
@@ -38,7 +37,7 @@ def to_markers(poses: Poses) -> Markers:
     if len(poses) == 0:
         raise ValueError("the poses hold no frame: there is nothing to export")
     positions = np.concatenate([poses.joints, poses.tips], 1).astype(np.float64)
-    return Markers(JOINT_NAMES + TIP_NAMES, positions, poses.fps, poses.up, np.asarray(poses.frame_index))
+    return Markers(poses.template.point_names, positions, poses.fps, poses.up, np.asarray(poses.frame_index))
 
 
 def with_up(poses: Poses, up: str) -> Poses:

@@ -11,7 +11,6 @@ import numpy as np
 
 from ..._runtime.atomic_files import written_whole
 from ..._runtime.plain_text import plain
-from ...body import JOINT_NAMES
 from ...poses import Poses
 from ..files import read_bounded
 from ._markers import Markers, to_markers, with_up
@@ -63,7 +62,9 @@ def write_trc_deviations(path: str | Path, poses: Poses, *, up: str = "+Y", mill
     markers = to_markers(turned)
     deviations = np.sqrt(np.diagonal(turned.covariance, axis1=-2, axis2=-1)).astype(np.float64)
     return _write(
-        Path(path), Markers(JOINT_NAMES, deviations, markers.fps, markers.up, markers.frame_index), millimetres
+        Path(path),
+        Markers(poses.template.joint_names, deviations, markers.fps, markers.up, markers.frame_index),
+        millimetres,
     )
 
 

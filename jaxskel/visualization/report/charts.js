@@ -73,8 +73,9 @@ class Charts {
   }
 
   distances(frame) {
-    const [points, truth] = [data.points, data.truth].map((steps) => pointsOf(steps, frame).slice(0, data.joints.length));
-    if (truth.includes(null)) return null;
+    const of = (steps) => data.truth_joints.map((joint) => pointsOf(steps, frame)[joint]);
+    const [points, truth] = [data.points, data.truth].map(of);
+    if (truth.length === 0 || truth.includes(null)) return null;
     return points.map((point, i) => 1000 * Math.hypot(...point.map((x, k) => x - truth[i][k])));
   }
 
