@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from .._runtime.kinds import check_kind
-from ..body import HUMAN_15, Pose, Skeleton, SkeletonTemplate
+from ..body import HUMAN_15, KeypointSet, Pose, Skeleton, SkeletonTemplate
 from ._dataset import poses_dataset
 from ._quaternions import to_quaternions
 
@@ -155,6 +155,35 @@ class Poses(eqx.Module):
     def typical_confidence(self) -> float:
         """Median over the frames with a pose of their joints' mean confidence; NaN where no frame has one."""
         return float(np.median(self.confidence[self.has_pose].mean(1))) if self.has_pose.any() else float("nan")
+
+    def keypoints(self, keypoint_set: KeypointSet) -> Float[np.ndarray, "frames keypoints 3"]:
+        """Where the keypoints of a detector are (m, world), such as those of `jaxskel.body.BODY_25`.
+
+        NaN in a frame without a pose, and of keypoints that the skeleton has no point for, such as eyes.
+
+        Args:
+            keypoint_set: The keypoints, and what they mean.
+
+        Raises:
+            ValueError: The template is not the paper's human, or the rotations, which place wrists and ankles, are not
+                known.
+        """
+        check_kind("keypoint_set", keypoint_set, KeypointSet, "a KeypointSet, such as jaxskel.body.BODY_25")
+        template = self.template
+        if template != HUMAN_15:
+            raise ValueError(
+                f"template: {template.name} has no keypoints, because these are points of {HUMAN_15.name}; use its joints"
+            )
+        rotations = self._known_rotations()
+        assert self.skeleton is not None  # rotations refer to it
+        ends = np.array([pivot.joint for pivot in template.pivots])
+        starts, segments = template.point_parents[ends], np.array(template.segment_of_joint)[ends]
+        offsets = np.asarray(self.skeleton.pivots) - np.asarray(self.skeleton.rest_joints)[starts]
+        pivots = self.joints[:, starts] + np.einsum("fpij,pj->fpi", rotations[:, segments], offsets)
+        shares = keypoint_set.shares
+        found = shares @ np.concatenate([self.joints, self.tips, pivots], 1).astype(np.float64)
+        found[:, ~shares.any(1)] = np.nan
+        return found
 
     def counts(self) -> dict[str, int]:
         """Number of frames of each status that occurs, by name."""

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..._runtime.atomic_files import written_whole
-from ...body import Skeleton, SkeletonTemplate
+from ...body import KeypointSet, Skeleton, SkeletonTemplate
 from ...poses import STATUS_NAMES, WITH_POSE, Poses
 from ...recording import Truth
 from ..calibrations import up_axis
@@ -25,6 +25,7 @@ from ..recordings import (
     truth,
 )
 from ._journal import JOURNAL_FILE, journal_arrays
+from ._markers import to_markers
 
 # What an older version did not write.
 _ROTATIONS = ("rotations", "rest_joints", "rest_tips")
@@ -92,6 +93,27 @@ def write_table(path: str | Path, poses: Poses) -> Path:
             else:
                 row += [""] * (5 * len(joints))
             rows.writerow(row)
+    return path
+
+
+def write_keypoint_table(path: str | Path, poses: Poses, keypoint_set: KeypointSet) -> Path:
+    """Write keypoints as a table like `poses.csv` (m), but for those that the skeleton has no point for.
+
+    Returns:
+        The path.
+
+    Raises:
+        ValueError: There are no frames, or the poses have no keypoints.
+    """
+    path, markers = Path(path), to_markers(poses, keypoint_set)
+    with written_whole(path) as file, io.TextIOWrapper(file, "utf-8", newline="") as text:
+        rows = csv.writer(text, lineterminator="\n")
+        rows.writerow(
+            ["frame_index", "time_s", "status"] + [f"{name}_{axis}" for name in markers.names for axis in "xyz"]
+        )
+        for i, points in enumerate(markers.positions):
+            row = [str(poses.frame_index[i]), f"{i / poses.fps:.6f}", STATUS_NAMES[poses.status[i]]]
+            rows.writerow(row + [f"{x:.6f}" if poses.has_pose[i] else "" for x in points.ravel()])
     return path
 
 
