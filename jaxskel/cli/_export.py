@@ -93,18 +93,15 @@ def export(
     if angles and found.template != HUMAN_15 and not found.template.hinges:
         raise ValueError(f"{angles[0]}: the skeleton of {poses} has no hinges, so there are no angles; leave it out")
     if keypoint_set is not None and found.template != HUMAN_15:
-        raise ValueError(
-            f"--keypoints {keypoints}: is of a human, but {poses} holds {found.template.name}; leave it out"
-        )
+        raise ValueError(f"--keypoints {keypoints}: is of a human, and {poses} of {found.template.name}; leave it out")
     if (motions or angles or keypoint_set is not None) and found.rotations is None:
         raise ValueError(f"{poses}: holds no rotations, because an older version wrote it; reconstruct again")
     deviations = [output for output in outputs if output.name.lower().endswith(_DEVIATIONS)]
     if deviations and found.covariance is None:
         raise ValueError(f"{poses}: has no covariances for {deviations[0]}; run again, with the default preset")
     for output in outputs:
-        say(
-            f"{output}: {len(found)} frames at {found.fps:g} fps, {_write(output, found, up, millimetres, keypoint_set)}"
-        )
+        told = _write(output, found, up, millimetres, keypoint_set)
+        say(f"{output}: {len(found)} frames at {found.fps:g} fps, {told}")
     end_without_pose(poses, found)
 
 

@@ -172,7 +172,7 @@ class Poses(eqx.Module):
         template = self.template
         if template != HUMAN_15:
             raise ValueError(
-                f"template: {template.name} has no keypoints, because these are points of {HUMAN_15.name}; use its joints"
+                f"template: {template.name} has no keypoints, which are points of {HUMAN_15.name}; use its joints"
             )
         rotations = self._known_rotations()
         assert self.skeleton is not None  # rotations refer to it

@@ -115,9 +115,6 @@ def test_keypoints_are_the_points_that_they_mean(tmp_path):
     for start, length in ((elbow, forearm), (palm, forearm * 0.29 / 0.71)):
         lengths = np.linalg.norm(found["LWrist"] - start, axis=-1)
         np.testing.assert_allclose(lengths[poses.has_pose], length, atol=1e-5)
-    assert (
-        np.linalg.norm(found["LWrist"] - palm, axis=-1)[poses.has_pose] < 0.3 * np.linalg.norm(rest[5] - rest[4])
-    ).all()
     markers = read_trc(write_trc(tmp_path / "body.trc", poses, keypoint_set=BODY_25))
     assert "Nose" not in markers.names
     np.testing.assert_allclose(

@@ -68,7 +68,7 @@ def test_keypoints_of_a_set_are_written(folder):
         ("human", "k.trc", "BODY_26", "--keypoints BODY_26: give one of COCO_17, BODY_25"),
         ("human", "k.bvh", "BODY_25", "k.bvh cannot hold them"),
         ("human", "angles.csv", "BODY_25", "angles.csv cannot hold them"),
-        ("hand", "k.trc", "BODY_25", "is of a human, but hand/poses.npz holds three-fingered hand"),
+        ("hand", "k.trc", "BODY_25", "is of a human, and hand/poses.npz of three-fingered hand"),
     ],
 )
 def test_keypoints_that_cannot_be_written_are_refused(folder, poses, output, name, message):
