@@ -5,7 +5,6 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ..body import SkeletonTemplate
 from ..io.files import fault, is_ours
 from ..io.poses import write_poses
 from ..io.recordings import holds_silhouettes
@@ -87,9 +86,9 @@ class ResultFolder:
                     "another output",
                 )  # fmt: skip
 
-    def journal(self, work: str, request: str, template: SkeletonTemplate) -> Journal:
+    def journal(self, work: str, request: str) -> Journal:
         """The journal with the poses of earlier attempts at the same work, or an empty one."""
-        return Journal(self._unfinished / "journal", work, request, template)
+        return Journal(self._unfinished / "journal", work, request)
 
     def discard_journal(self) -> None:
         """Delete the poses of earlier attempts."""

@@ -150,7 +150,7 @@ def _reconstructed(
         settings = method.settings_for_subject()
         prepared = prepare(recording, settings)
     work = replace(reading.work, source="")
-    journal = folder.journal(json.dumps(asdict(work) | {"moment": reading.moment}), request, prepared.skeleton.template)
+    journal = folder.journal(json.dumps(asdict(work) | {"moment": reading.moment}), request)
     resumed = journal.frames
     on_sign("reconstructing")
     with _timed(seconds, "reconstruct"):
@@ -158,7 +158,7 @@ def _reconstructed(
             journal.append(poses, track)
             on_frames(journal.frames, len(recording))
     with _timed(seconds, "write"):
-        poses = journal.poses(recording.fps, recording.up, prepared.skeleton, prepared.stature_deviation)
+        poses = journal.poses(recording.fps, recording.up, prepared.stature_deviation)
         if method.smooth_hz is not None:
             poses = smooth(poses, method.smooth_hz)
         told = advice(poses, recording)

@@ -124,7 +124,7 @@ def _draw(axes, stage: int, stages: Stages) -> None:
     if stage == 2:
         nodes = np.concatenate([stages.limbs.ends[0], stages.limbs.inner[0]])
         tips = colours_of(stages.template)[-len(stages.template.tip_names) :]
-        colours = np.concatenate([tips, np.tile(np.uint8(MIDDLE), (len(nodes) - len(tips), 1))]) / 255
+        colours = np.concatenate([tips, np.tile(np.array(MIDDLE, np.uint8), (len(nodes) - len(tips), 1))]) / 255
         for label, node, colour in zip(node_labels(stages.template), nodes, colours, strict=True):
             axes.scatter(*node, color=colour, s=30, depthshade=False, zorder=3)
             axes.text(*node, f" {label}", fontsize=8, zorder=4)

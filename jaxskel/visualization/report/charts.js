@@ -73,8 +73,10 @@ class Charts {
   }
 
   distances(frame) {
-    const of = (steps) => data.truth_joints.map((joint) => pointsOf(steps, frame)[joint]);
-    const [points, truth] = [data.points, data.truth].map(of);
+    const [points, truth] = [data.points, data.truth].map((steps) => {
+      const all = pointsOf(steps, frame);
+      return data.truth_joints.map((joint) => all[joint]);
+    });
     if (truth.length === 0 || truth.includes(null)) return null;
     return points.map((point, i) => 1000 * Math.hypot(...point.map((x, k) => x - truth[i][k])));
   }
