@@ -54,7 +54,7 @@ def scipy_refinement(
     correspond = jax.jit(lambda pose, frame: objective.correspond(place(skeleton, pose), frame))
     moved = jax.jit(lambda unknowns, base: parametrisation.retract(unknowns, base, skeleton))
     cost = jax.jit(lambda pose, frame: sum(objective.costs(place(skeleton, pose), frame).values(), jnp.zeros(())))
-    zeros = np.asarray(parametrisation.unknowns())
+    zeros = np.asarray(parametrisation.unknowns(skeleton))
 
     def one(pose: Pose, frame: Observed) -> float:
         for _ in range(rounds):

@@ -20,6 +20,9 @@ _PACKAGE = "jaxskel."
 # Values that were fixed in every earlier version.
 _ALWAYS = {"graph": {"skeletoniser": {"class": "VoxelScooping"}}}
 _SEARCH = {"objective": "volume_objective"}
+_SETTINGS = {"template": None}
+# The default of a prior was written out where it is the template's now.
+_FIRMNESS = [1.0, 0.5, 3.0, 0.05, 0.1, 3.0, 0.05, 0.1, 0.2, 0.2, 0.2, 0.2, 0.0, 0.0, 0.0, 0.0]
 
 
 def modern_method(method: Mapping[str, Any]) -> dict[str, Any]:
@@ -28,6 +31,8 @@ def modern_method(method: Mapping[str, Any]) -> dict[str, Any]:
     settings = found.get("settings")
     if isinstance(settings, dict) and "spacing" in settings:
         found["settings"] = settings = _grouped(settings)
+    if isinstance(settings, dict):
+        found["settings"] = settings = _SETTINGS | settings
     if isinstance(settings, dict) and isinstance(settings.get("search"), dict):
         found["settings"] = settings | {"search": _SEARCH | settings["search"]}
     return found
@@ -51,13 +56,21 @@ def modern_version(version: str) -> str:
 
 def _without_places(value: Any) -> Any:
     if isinstance(value, dict):
-        return {key: _without_places(each) for key, each in value.items()}
+        found = {key: _without_places(each) for key, each in value.items()}
+        if found.get("class") == "RestPrior" and _is_the_default(found.get("firmness")):
+            found["firmness"] = None
+        return found
     if isinstance(value, list):
         return [_without_places(each) for each in value]
     if isinstance(value, str) and value.startswith(_PACKAGE):
         name = value.rpartition(".")[2]
         return _RENAMED.get(name, name)
     return value
+
+
+def _is_the_default(firmness: Any) -> bool:
+    # It was stored in single precision.
+    return isinstance(firmness, list) and [round(each, 6) for each in firmness] == _FIRMNESS
 
 
 def _grouped(flat: dict[str, Any]) -> dict[str, Any]:

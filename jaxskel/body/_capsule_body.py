@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._runtime.compile_cache import quickly_compiled
 from .._runtime.kinds import check_kind
-from ._human import JOINT_NAMES, PIVOT_NAMES, SEGMENT_NAMES, TIP_NAMES
+from ._human import HUMAN_15, JOINT_NAMES, PIVOT_NAMES, SEGMENT_NAMES, TIP_NAMES
 from ._skeleton import (
     Pose,
     Skeleton,
@@ -22,6 +22,7 @@ from ._skeleton import (
     place_segments,
     rest_origins,
 )
+from ._template_body import balls_of_points
 
 BALL_NAMES = (
     "l_seat", "r_seat", "l_waist", "r_waist", "l_chest", "r_chest", "l_girdle", "r_girdle", "nape", "face", "crown",
@@ -167,7 +168,7 @@ _PLACES = _places()
 
 
 def make_body(skeleton: Skeleton) -> Body:
-    """An average adult around a skeleton of any proportions.
+    """An average adult around a skeleton of any proportions, or the capsules of another template.
 
     [`calibrate_flesh`][jaxskel.body_calibration.calibrate_flesh] fits it to a subject.
 
@@ -175,6 +176,8 @@ def make_body(skeleton: Skeleton) -> Body:
     woman (two skinned meshes), fitted to their visual hulls at known joints.
     """
     check_kind("skeleton", skeleton, Skeleton, "a Skeleton, such as default_adult()")
+    if skeleton.template != HUMAN_15:
+        return Body(skeleton, *balls_of_points(skeleton))
     # NumPy arrays are computed in double precision. Traced arrays keep their type, so that derivatives pass through.
     xp = skeleton.rest_joints.__array_namespace__()
     points = xp.concatenate([skeleton.rest_joints, skeleton.rest_tips, skeleton.pivots])

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ._capsule_body import BALL_NAMES, BALL_SIDES, FREE_BALLS, HEM, LIKE_BALL, Body, make_body
-from ._population import Population, population_of
 from ._human import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES, TIP_PARENTS
+from ._population import Population, population_of
 from ._skeleton import Skeleton, default_adult, make_skeleton
 
 LENGTH_NAMES = (

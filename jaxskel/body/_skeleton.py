@@ -68,6 +68,12 @@ class Skeleton(eqx.Module):
         """Standing height (m) as a plain number, which cannot be differentiated."""
         return float(self.height)
 
+    @property
+    def size(self) -> float:
+        """The largest extent of joints and tips at rest, along an axis (m): of a standing human, nearly the stature."""
+        points = np.concatenate([np.asarray(self.rest_joints), np.asarray(self.rest_tips)])
+        return float(np.ptp(points, axis=0).max())
+
     def scaled(self, factor: float) -> "Skeleton":
         """The same skeleton with every length multiplied by `factor`."""
         return Skeleton(self.rest_joints * factor, self.rest_tips * factor, self.template)
@@ -123,8 +129,7 @@ def make_skeleton(rest_joints: Any, rest_tips: Any, template: SkeletonTemplate =
         raise ValueError(
             f"rest_joints and rest_tips span {skeleton.stature:.2f} m from toe to head: give metres, z up, standing"
         )
-    size = float(np.ptp(np.concatenate([joints, tips]), axis=0).max())
-    least, told = (0.01, "1 cm") if template == HUMAN_15 else (1e-3 * size, "a thousandth of the whole")
+    least, told = (0.01, "1 cm") if template == HUMAN_15 else (1e-3 * skeleton.size, "a thousandth of the whole")
     if skeleton.bone_lengths.min() < least:
         bone = template.joint_names[1 + int(skeleton.bone_lengths.argmin())]
         raise ValueError(f"rest_joints: the bone that ends in {bone} is shorter than {told}")

@@ -96,6 +96,8 @@ class SkeletonTemplate:
         radii: Of the flesh around each joint, then each tip, as shares of the extent; None if not known.
         meanings: What each joint, then each tip, is on the human body: shares of its points, which sum up to one;
             empty if it is not on it. Searches place the points so.
+        swings: How far each segment turns from its rest to its parent at most (rad); empty if not known.
+        begins: Direction in which the first tip lies farthest, where the graph begins, in the world with z up.
     """
 
     name: str
@@ -117,6 +119,8 @@ class SkeletonTemplate:
     hinges: tuple[Hinge, ...] = ()
     radii: tuple[float, ...] | None = None
     meanings: tuple[tuple[tuple[str, float], ...], ...] = ()
+    swings: tuple[float, ...] = ()
+    begins: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
     def __hash__(self) -> int:
         """Computed once, because each call of a compiled function asks for it."""
@@ -139,6 +143,11 @@ class SkeletonTemplate:
     def point_names(self) -> tuple[str, ...]:
         """Names of joints, then tips."""
         return self.joint_names + self.tip_names
+
+    @property
+    def is_human(self) -> bool:
+        """Whether all points are on the human body, so that searches find them."""
+        return all(self.meanings) and len(self.meanings) == len(self.point_names)
 
     @property
     def pivot_names(self) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from .._runtime.batching import single_precision
 from .._runtime.compile_cache import quickly_compiled
 from ..body import (
     FLESH_FROM,
+    HUMAN_15,
     LENGTH_NAMES,
     LINKS,
     QUANTITIES,
@@ -43,7 +44,7 @@ from ._clothing import Clothing
 from ._shape_quadrics import contour_quadrics, inside_quadrics
 
 _HINGED = HingedLimbs()
-_POSE = jax.eval_shape(_HINGED.unknowns).size  # traced only: see `fit_scales`
+_POSE = 3 + sum(HUMAN_15.freedoms)
 # The outlines of a well fitted body have a standard deviation of 5 mm. As errors of neighbouring rays are correlated,
 # a frame's 3600 rays count as only 30 independent measurements, about one for each capsule. In the objective of single
 # frames one ray in ten counts, because there the pose may give way instead of the body.
@@ -255,7 +256,7 @@ def _linearised(
         return balls, jnp.concatenate([row.ravel() for row in rows.values()])
 
     own = jnp.concatenate([jnp.ravel(part) for part in (shape.lengths, shape.fingers, shape.balls)])
-    (_, residuals), tangent = jax.linearize(retract, jnp.concatenate([_HINGED.unknowns(), own]))
+    (_, residuals), tangent = jax.linearize(retract, jnp.concatenate([_HINGED.unknowns(body.skeleton), own]))
     balls, rows = jax.vmap(tangent, out_axes=-1)(jnp.eye(_POSE + len(own)))
     apart = jnp.median(jnp.abs(contours.nearest(placed, observed)[0].distance))
     return Linear(quadrics.matrix, quadrics.vector, balls, residuals, rows, apart)

@@ -75,6 +75,10 @@ class Cameras(eqx.Module):
         """The same cameras in a world whose points are ``rotation @ x``."""
         return eqx.tree_at(lambda c: c.R, self, np.asarray(self.R) @ rotation.T)
 
+    def scaled(self, factor: float) -> "Cameras":
+        """The same cameras in a world whose points are ``factor * x``."""
+        return self if factor == 1 else eqx.tree_at(lambda c: c.t, self, factor * np.asarray(self.t))
+
 
 def make_cameras(
     K: Any,

@@ -25,13 +25,16 @@ class RootFinder(Protocol):
 
 
 class HighestVoxel(eqx.Module):
-    """The paper's rule (Sect. 3.1): the highest voxel; of equally high ones, the one nearest to their mean."""
+    """The paper's rule (Sect. 3.1): the highest voxel; of equally high ones, the one nearest to their mean.
+
+    For a template whose graph begins elsewhere, the voxel that lies farthest in that direction.
+    """
 
     def roots(self, hulls: VisualHulls, skeleton: Skeleton) -> Int[np.ndarray, " frames"]:
         """Index into ``hulls.voxels`` of the root of each person's graph; 0 for an empty hull."""
         roots = np.zeros(len(hulls), np.int64)
         for f in np.flatnonzero(hulls.inside.any(1)):
-            roots[f] = _highest(hulls, np.flatnonzero(hulls.inside[f]))
+            roots[f] = _highest(hulls, np.flatnonzero(hulls.inside[f]), skeleton.template.begins)
         return roots
 
 
@@ -141,9 +144,9 @@ def _eroded(
     return eroded
 
 
-def _highest(hulls: VisualHulls, own: Int[np.ndarray, " own"]) -> int:
+def _highest(hulls: VisualHulls, own: Int[np.ndarray, " own"], up: tuple[float, float, float] = (0.0, 0.0, 1.0)) -> int:
     """The highest of some voxels; of equally high ones, the one nearest to their mean."""
-    heights = hulls.voxels[own, 2]
+    heights = hulls.voxels[own] @ np.array(up)
     top = own[heights == heights.max()]
     places = hulls.voxels[top]
     return int(top[np.argmin(((places - places.mean(0)) ** 2).sum(1))])

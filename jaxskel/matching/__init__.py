@@ -4,12 +4,14 @@ In: a `SkeletalGraph` per frame and the template. Out: `Limbs`: labelled end nod
 and the stature estimated from the graphs.
 """
 
+from ._arrangement import rotations_onto as rotations_onto
 from ._confidence import joint_confidence as joint_confidence
 from ._descriptors import EndNodes as EndNodes
 from ._descriptors import describe_ends as describe_ends
 from ._descriptors import template_ends as template_ends
 from ._descriptors import template_geodesics as template_geodesics
 from ._dtw import dtw as dtw
+from ._joint_targets import joint_targets as joint_targets
 from ._label import labelled_limbs as labelled_limbs
 from ._limbs import END_NODE_REACH as END_NODE_REACH
 from ._limbs import HANDLESS_DESCRIPTOR as HANDLESS_DESCRIPTOR
@@ -29,4 +31,5 @@ from ._matchers import cost_matrices as cost_matrices
 from ._matchers import soft_cost_matrices as soft_cost_matrices
 from ._sides import tell_sides as tell_sides
 from ._soft_dtw import soft_dtw as soft_dtw
+from ._stature import estimate_size as estimate_size
 from ._stature import estimate_stature as estimate_stature

@@ -7,7 +7,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..body import JOINT_PARENTS, TIP_PARENTS, Skeleton
+from ..body import Skeleton, SkeletonTemplate
 from ..graph import MAX_ENDS, SkeletalGraph, forest_of
 
 
@@ -47,24 +47,26 @@ def describe_ends(graphs: Sequence[SkeletalGraph]) -> EndNodes:
     return EndNodes(nodes, count, distances.astype(np.float32), positions.astype(np.float32))
 
 
-def template_geodesics(skeleton: Skeleton) -> Float[np.ndarray, "nodes=20 ends=5"]:
-    """Geodesic distance along the bones from every joint, then every tip, to each of the five tips (m).
+def template_geodesics(skeleton: Skeleton) -> Float[np.ndarray, "points tips"]:
+    """Geodesic distance along the bones from every joint, then every tip, to each of the tips (m).
 
-    Rows 15 to 19 are D' (Eq. 1 for the template G'); the rows of pelvis and neck are F_G' (Eq. 5).
+    The last rows are D' (Eq. 1 for the template G'); the rows of pelvis and neck are F_G' (Eq. 5).
     """
     positions = np.concatenate([np.asarray(skeleton.rest_joints), np.asarray(skeleton.rest_tips)])
-    return _along_bones(positions.astype(float).tobytes())
+    return _along_bones(skeleton.template, positions.astype(float).tobytes())
 
 
 @lru_cache(maxsize=16)
-def _along_bones(positions: bytes) -> Float[np.ndarray, "nodes=20 ends=5"]:
+def _along_bones(template: SkeletonTemplate, positions: bytes) -> Float[np.ndarray, "points tips"]:
     """Every frame of a stream asks for the distances of the same template."""
-    tree = SkeletalGraph(np.frombuffer(positions).reshape(20, 3), np.array(JOINT_PARENTS + TIP_PARENTS), np.zeros(20))
-    found = tree.geodesics(np.arange(15, 20)).astype(np.float32)
+    joints, points = len(template.joint_names), len(template.point_names)
+    parents = template.point_parents.astype(int)
+    tree = SkeletalGraph(np.frombuffer(positions).reshape(points, 3), parents, np.zeros(points))
+    found = tree.geodesics(np.arange(joints, points)).astype(np.float32)
     found.flags.writeable = False
     return found
 
 
-def template_ends(skeleton: Skeleton) -> Float[np.ndarray, "ends=5 ends=5"]:
-    """D' (Eq. 1) of the template: geodesic distances of head, left and right hand, left and right foot tips (m)."""
-    return template_geodesics(skeleton)[15:]
+def template_ends(skeleton: Skeleton) -> Float[np.ndarray, "tips tips"]:
+    """D' (Eq. 1) of the template: geodesic distances of its tips, head, hands and feet of a human (m)."""
+    return template_geodesics(skeleton)[len(skeleton.template.joint_names) :]

@@ -6,7 +6,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..body import JOINT_NAMES, Skeleton
+from ..body import HUMAN_15, Skeleton
 from ..graph import Forest, SkeletalGraph, forest_of
 from ._descriptors import EndNodes, template_geodesics
 from ._matchers import Matches
@@ -20,25 +20,36 @@ outermost voxels, about one voxel short of the surface, and the silhouettes of a
 
 PAPER_DESCRIPTOR = (HEAD, L_HAND, R_HAND, L_FOOT, R_FOOT)
 """The end nodes that describe neck and pelvis in Eq. 5."""
-HANDLESS_DESCRIPTOR = (HEAD, L_FOOT, R_FOOT)
+HANDLESS_DESCRIPTOR = HUMAN_15.described_by
 """Eq. 5 without the hands: an arm that touches the trunk shortens its geodesics and drags the pelvis along."""
 
 
 class Limbs(eqx.Module):
-    """Labelled skeletal graphs (Fig. 2b; m, in the graphs' world): five end nodes, two inner nodes, five paths.
+    """Labelled skeletal graphs (Fig. 2b; m, in the graphs' world): end nodes, inner nodes, and paths to the end nodes.
+
+    Labels are the tips of the template: head, left and right hand, left and right foot of a human.
 
     Attributes:
-        paths: Points from the root to the head, left and right hand, left and right foot, evenly spaced along the graph
-            (m).
+        paths: Points from the root to each end node, evenly spaced along the graph (m).
         lengths: Length of each path (m).
         found: Whether an end node was found for this label.
+        inner: Nodes of the template's inner joints: pelvis and neck of a human.
     """
 
     paths: Float[np.ndarray, "frames labels points 3"]
     lengths: Float[np.ndarray, "frames labels"]
     found: Bool[np.ndarray, "frames labels"]
-    neck: Float[np.ndarray, "frames 3"]
-    pelvis: Float[np.ndarray, "frames 3"]
+    inner: Float[np.ndarray, "frames inner 3"]
+
+    @property
+    def pelvis(self) -> Float[np.ndarray, "frames 3"]:
+        """The node of the pelvis, if the template is a human's."""
+        return self.inner[:, 0]
+
+    @property
+    def neck(self) -> Float[np.ndarray, "frames 3"]:
+        """The node of the neck, if the template is a human's."""
+        return self.inner[:, 1]
 
     @property
     def ends(self) -> Float[np.ndarray, "frames labels 3"]:
@@ -48,10 +59,13 @@ class Limbs(eqx.Module):
     @classmethod
     def none(cls, frames: int) -> "Limbs":
         """Placeholder for frames in which no limbs were searched: none is found."""
-        paths = np.zeros((frames, 5, PATH_POINTS, 3))
-        return cls(paths, paths[:, :, 0, 0], np.zeros((frames, 5), bool), paths[:, 0, 0], paths[:, 0, 0])
+        labels, inner = len(HUMAN_15.tip_names), len(HUMAN_15.inner)
+        paths = np.zeros((frames, labels, PATH_POINTS, 3))
+        return cls(paths, paths[:, :, 0, 0], np.zeros((frames, labels), bool), np.zeros((frames, inner, 3)))
 
-    def at(self, label: int, distance: float | np.floating) -> Float[np.ndarray, "frames 3"]:
+    def at(
+        self, label: int, distance: float | np.floating | Float[np.ndarray, " frames"]
+    ) -> Float[np.ndarray, "frames 3"]:
         """The point of each frame's path to a label, at a distance (m) from its end node along the graph."""
         length = self.lengths[:, label]
         step = (PATH_POINTS - 1) * np.clip(1 - distance / np.maximum(length, 1e-9), 0, 1)
@@ -61,18 +75,16 @@ class Limbs(eqx.Module):
         return (1 - part) * self.paths[frames, label, low] + part * self.paths[frames, label, low + 1]
 
     def exchanged(self, hands: Bool[np.ndarray, " frames"], feet: Bool[np.ndarray, " frames"]) -> "Limbs":
-        """Exchange left and right in the marked frames."""
+        """Exchange left and right of a human in the marked frames."""
         order = np.tile(np.arange(5), (len(hands), 1))
         order[hands, 1:3] = (2, 1)
         order[feet, 3:5] = (4, 3)
-        rows = np.arange(len(hands))[:, None]
-        return Limbs(
-            self.paths[rows, order],
-            self.lengths[rows, order],
-            self.found[rows, order],
-            self.neck,
-            self.pelvis,
-        )
+        return self.reordered(order)
+
+    def reordered(self, order: Int[np.ndarray, "frames labels"]) -> "Limbs":
+        """The same graphs with other labels: of each label, the one whose path it gets."""
+        rows = np.arange(len(order))[:, None]
+        return Limbs(self.paths[rows, order], self.lengths[rows, order], self.found[rows, order], self.inner)
 
 
 def label_limbs(
@@ -82,26 +94,26 @@ def label_limbs(
     skeleton: Skeleton,
     descriptor: tuple[int, ...] = HANDLESS_DESCRIPTOR,
 ) -> Limbs:
-    """Find neck and pelvis in each graph and trace its labelled limbs (m, in the graphs' world).
+    """Find the inner joints in each graph and trace its labelled limbs (m, in the graphs' world).
 
-    Neck and pelvis are the nodes whose geodesic distances to the labelled end nodes are closest to the template's
-    (Eq. 5 and 6), over those labels of `descriptor` that were found.
+    Neck and pelvis of a human are the nodes whose geodesic distances to the labelled end nodes are closest to the
+    template's (Eq. 5 and 6), over those labels of `descriptor` that were found.
     """
     forest = forest_of(graphs)
     found = matches.ends >= 0
     nodes = np.where(found, np.take_along_axis(ends.nodes, np.maximum(matches.ends, 0), 1), 0)
     # F_G(v) of every node v (Eq. 5); labels that were not found are masked out.
     here = forest.geodesics(nodes)
-    used = found & np.isin(np.arange(5), descriptor)
+    used = found & np.isin(np.arange(found.shape[1]), descriptor)
     template = template_geodesics(skeleton)
-    inner = []
-    for name in ("neck", "pelvis"):
-        off = np.where(used[:, None], (here - template[JOINT_NAMES.index(name)]) ** 2, 0.0).sum(-1)
+    inner = np.zeros((len(graphs), len(skeleton.template.inner), 3))
+    for place, joint in enumerate(skeleton.template.inner):
+        off = np.where(used[:, None], (here - template[joint]) ** 2, 0.0).sum(-1)
         nearest = np.argmin(np.where(forest.real, off, np.inf), 1)
-        inner.append(forest.positions[np.arange(len(graphs)), nearest])
+        inner[:, place] = forest.positions[np.arange(len(graphs)), nearest]
     paths, lengths = _paths(forest, nodes)
     paths[~found], lengths[~found] = 0.0, 0.0
-    return Limbs(paths, lengths, found, *inner)
+    return Limbs(paths, lengths, found, inner)
 
 
 def _paths(

@@ -4,7 +4,8 @@ A matcher is an object with ``match(ends, skeleton) -> Matches``; both matchers 
 """
 
 from collections.abc import Callable
-from itertools import combinations
+from functools import lru_cache
+from itertools import combinations, permutations
 from typing import Protocol, runtime_checkable
 
 import equinox as eqx
@@ -15,15 +16,20 @@ from jaxtyping import Array, Float, Int
 
 from .._runtime.batching import filled
 from .._runtime.compile_cache import cached_jit
-from ..body import Skeleton
+from ..body import Skeleton, SkeletonTemplate
 from ..graph import MAX_ENDS
 from ._descriptors import EndNodes, template_ends
 from ._dtw import dtw
 from ._soft_dtw import soft_dtw
 
+# Six tips and the root of ten end nodes can be assigned in 60 000 ways.
+_MOST_TIPS = 6
+
 
 class Matches(eqx.Module):
-    """End nodes with the labels head, hand, hand, foot, foot; left and right are not distinguished yet.
+    """End nodes with the labels head, hand, hand, foot, foot, or other tips of a template.
+
+    Left and right are not distinguished yet.
 
     Attributes:
         ends: Index into the end nodes of each graph; -1 if the graph has too few end nodes for this label.
@@ -94,7 +100,7 @@ class DtwMatcher(eqx.Module):
         template = template_ends(skeleton)
         distances, count = filled((ends.distances, ends.count))
         costs = np.asarray(cost_matrices(distances, count, template))
-        labels = np.full((len(ends.count), 5), -1, np.int64)
+        labels = np.full((len(ends.count), len(template)), -1, np.int64)
         for f, n in enumerate(ends.count):
             labels[f, 0] = 0
             rows, columns = linear_sum_assignment(costs[f, 1:n, 1:])
@@ -103,52 +109,51 @@ class DtwMatcher(eqx.Module):
 
 
 class ExactMatcher(eqx.Module):
-    """The pair of hands and pair of feet whose geodesic distances, all together, agree best with the template's.
+    """The end nodes whose geodesic distances, all together, agree best with the template's.
 
-    Minimises ``sum |D[q, q] - D'|`` exhaustively over q = (root, hand, hand, foot, foot), whereas the paper compares
-    one row at a time and lets DTW absorb spurious end nodes.
+    Minimises ``sum |D[q, q] - D'|`` exhaustively over q = (root, hand, hand, foot, foot) of a human, whereas the paper
+    compares one row at a time and lets DTW absorb spurious end nodes.
     """
 
     def match(self, ends: EndNodes, skeleton: Skeleton) -> Matches:
         """Label the end nodes of a batch of graphs."""
         template = template_ends(skeleton)
         distances, count = filled((ends.distances, ends.count))
-        best = np.asarray(_best_candidate(distances, count, template, _CANDIDATES))[: len(ends.count)]
-        labels = np.where((ends.count >= 5)[:, None], _CANDIDATES[best], -1).astype(np.int64)
-        few = np.flatnonzero(ends.count < 5)
+        candidates = _candidates(skeleton.template)
+        best = np.asarray(_best_candidate(distances, count, template, candidates))[: len(ends.count)]
+        labels = np.where((ends.count >= len(template))[:, None], candidates[best], -1).astype(np.int64)
+        few = np.flatnonzero(ends.count < len(template))
         if len(few):  # some limbs are missing: match one row at a time, as the paper does
             part = EndNodes(*(getattr(ends, k)[few] for k in ("nodes", "count", "distances", "positions")))
             labels[few] = DtwMatcher().match(part, skeleton).ends
         return Matches(labels, _agreement(ends, labels, template))
 
 
-def _candidates() -> Int[np.ndarray, "candidates labels"]:
-    """All (root, hand, hand, foot, foot); the two of a pair are interchangeable, so only in ascending order."""
-    others = range(1, MAX_ENDS)
-    return np.array(
-        [
-            (0, *hands, *feet)
-            for hands in combinations(others, 2)
-            for feet in combinations([i for i in others if i not in hands], 2)
-        ],
-        np.int32,
-    )
+@lru_cache(maxsize=16)
+def _candidates(template: SkeletonTemplate) -> Int[np.ndarray, "candidates tips"]:
+    """All end nodes for the root and the other tips; the two of a pair are interchangeable, so only in ascending order.
 
-
-_CANDIDATES = _candidates()
+    Raises:
+        ValueError: The template has too many tips to try them all.
+    """
+    tips, mirror = len(template.tip_names), template.mirror_tips
+    if tips > _MOST_TIPS:
+        raise ValueError(f"matcher: {template.name!r} has {tips} tips, too many for ExactMatcher(); give DtwMatcher()")
+    pairs = [(tip, int(other)) for tip, other in enumerate(mirror) if tip < other]
+    every = np.array(list(permutations(range(1, MAX_ENDS), tips - 1)), np.int32)
+    every = np.concatenate([np.zeros((len(every), 1), np.int32), every], 1)
+    for one, other in pairs:
+        every = every[every[:, one] < every[:, other]]
+    return every
 
 
 @cached_jit
 def _best_candidate(distances, count, template, candidates) -> Int[Array, " frames"]:
+    pairs = list(combinations(range(len(template)), 2))
+
     def one(d, n):
-        # The template is symmetric, so D' has few distinct entries and the sum splits into few terms.
-        head_hand, hand_hand = template[0, 1], template[1, 2]
-        head_foot, foot_foot, hand_foot = template[0, 3], template[3, 4], template[1, 3]
-        _, h1, h2, f1, f2 = candidates.T
-        to_hand, to_foot = jnp.abs(d[0] - head_hand), jnp.abs(d[0] - head_foot)
-        hands, feet, across = jnp.abs(d - hand_hand), jnp.abs(d - foot_foot), jnp.abs(d - hand_foot)
-        cost = to_hand[h1] + to_hand[h2] + hands[h1, h2] + to_foot[f1] + to_foot[f2] + feet[f1, f2]
-        cost += across[h1, f1] + across[h1, f2] + across[h2, f1] + across[h2, f2]
+        q = candidates.T
+        cost = sum((jnp.abs(d[q[a], q[b]] - template[a, b]) for a, b in pairs), jnp.zeros(()))
         there = candidates.max(1) < n
         return jnp.argmin(jnp.where(there, cost, jnp.inf))
 
@@ -159,6 +164,6 @@ def _agreement(ends: EndNodes, labels: np.ndarray, template: np.ndarray) -> Floa
     frames = np.arange(len(labels))[:, None, None]
     found = labels >= 0
     chosen = ends.distances[frames, labels[:, :, None], labels[:, None, :]]
-    pairs = found[:, :, None] & found[:, None, :] & ~np.eye(5, dtype=bool)
+    pairs = found[:, :, None] & found[:, None, :] & ~np.eye(len(template), dtype=bool)
     difference = np.where(pairs, np.abs(chosen - template), 0.0).sum((1, 2))
     return difference / np.maximum(pairs.sum((1, 2)), 1)

@@ -1,4 +1,4 @@
-"""Stature of an unknown subject, estimated from the skeletal graphs of a few frames."""
+"""Size of an unknown subject, estimated from the skeletal graphs of a few frames."""
 
 from collections.abc import Sequence
 
@@ -6,7 +6,8 @@ import numpy as np
 
 from ..body import Skeleton, default_adult
 from ..graph import SkeletalGraph
-from ._descriptors import template_geodesics
+from ._descriptors import template_ends
+from ._limbs import END_NODE_REACH, L_FOOT, R_FOOT
 
 
 def estimate_stature(graphs: Sequence[SkeletalGraph], template: Skeleton | None = None) -> float | None:
@@ -22,10 +23,21 @@ def estimate_stature(graphs: Sequence[SkeletalGraph], template: Skeleton | None 
         The stature (m), or None if no graph has two limbs.
     """
     template = template or default_adult()
-    way = template_geodesics(template)[15, 3:].mean()
+    way = template_ends(template)[0, [L_FOOT, R_FOOT]].mean()
     lengths = []
     for graph in graphs:
         ends = graph.end_nodes
         if len(ends) >= 3:
             lengths.append(graph.depths[ends[-2:]].mean())
     return float(np.median(lengths) / way * template.stature) if lengths else None
+
+
+def estimate_size(graphs: Sequence[SkeletalGraph], template: Skeleton) -> float | None:
+    """Size of a subject over that of a template of any kind, by the lengths of its limbs; None if no graph has them.
+
+    The farthest end nodes are the limbs; the median over the frames tolerates others.
+    """
+    short = (1 - END_NODE_REACH) * template.tip_lengths
+    ways = template_ends(template)[0, 1:] - short[1:] - short[0]
+    found = [graph.depths[graph.end_nodes[-len(ways) :]].mean() for graph in graphs if len(graph.end_nodes) > len(ways)]
+    return float(np.median(found) / ways.mean()) if found else None

@@ -27,7 +27,7 @@ def compile_ahead(skeleton: Skeleton, observed: Observed, settings: Settings) ->
     if settings.search is None or usable_cores() == 1:
         return
     stack, body = filled(observed), make_body(skeleton)
-    model, poses = make_model(body, settings.search.objective), any_poses(len(stack.neck))
+    model, poses = make_model(body, settings.search.objective), any_poses(len(stack.inner))
     threads = ThreadPoolExecutor(usable_cores())
     fits_ahead(threads, model, stack)
     objective = settings.refinement.objective_for(body)

@@ -12,7 +12,7 @@ from ..refinement.terms import Observed
 
 def observed_graph(limbs: Limbs, data: dict[str, Float[Array | np.ndarray, "people ..."]]) -> Observed:
     """Observations from the labelled graph, and the recording's own data."""
-    return Observed(limbs.paths, limbs.found, limbs.neck, limbs.pelvis, data=data)
+    return Observed(limbs.paths, limbs.found, limbs.inner, data=data)
 
 
 def observed_volume(
@@ -31,4 +31,4 @@ def observed_volume(
     outlines = contours(*own, 2 * RAYS if misses else RAYS)
     if misses:
         outlines = credible(outlines, distances, middles, (~own[2]).sum(1), RAYS)
-    return Observed(limbs.paths, limbs.found, limbs.neck, limbs.pelvis, outlines, distances, data)
+    return Observed(limbs.paths, limbs.found, limbs.inner, outlines, distances, data)

@@ -9,7 +9,16 @@ import numpy as np
 
 from .._runtime.kinds import check_kind
 from .._runtime.steps import Steps, finished
-from ..body import Skeleton, default_adult, flesh_prior, make_body, people_prior
+from ..body import (
+    HUMAN_15,
+    Skeleton,
+    default_adult,
+    flesh_prior,
+    human_points,
+    make_body,
+    make_skeleton,
+    people_prior,
+)
 from ..cameras import Cameras
 from ..graph import SkeletalGraph
 from ..hull import (
@@ -21,7 +30,7 @@ from ..hull import (
     place_grid,
     projecting,
 )
-from ..matching import estimate_stature
+from ..matching import estimate_size, estimate_stature
 from ..recording import Recording, find_empty_views, rotation_to_z_up, silhouette_areas
 from ..search import make_model
 from ._ahead import compile_ahead
@@ -33,6 +42,8 @@ from ._subject import OTHER_SIZES, find_subject, sight_of
 SUBJECT_FRAMES = 24
 """Largest number of frames that a subject is found in."""
 _STATURES = (0.8, 2.4)  # m
+# Bodies of other templates are made as large as this (m): lengths of the stages are those for a person.
+_PERSON = 1.7
 
 
 def check_given(recording: Any, settings: Any) -> None:
@@ -67,13 +78,15 @@ def place(
     `at_once` is the number of frames that are carved at once, see `carve`.
     """
     to_z_up = rotation_to_z_up(recording.up)
-    cameras = recording.cameras.rotated(to_z_up)
+    skeleton, known = _skeleton(recording, settings)
+    scale = 1.0 if skeleton.template.is_human else _PERSON / skeleton.size
+    skeleton, cameras = skeleton.scaled(scale), recording.cameras.rotated(to_z_up).scaled(scale)
     silhouettes = recording.silhouettes
     min_views = _min_views(settings, cameras)
     empty_views = find_empty_views(silhouette_areas(silhouettes), cameras)
     box = None if grid is None else np.stack([np.asarray(grid.origin), grid.upper])
     if settings.hull.box is not None:
-        corners = settings.hull.box @ to_z_up.T  # the rotation only exchanges axes
+        corners = scale * settings.hull.box @ to_z_up.T  # the rotation only exchanges axes
         box = np.stack([corners.min(0), corners.max(0)])
     max_misses = settings.hull.max_misses
     if max_misses is None:
@@ -87,13 +100,29 @@ def place(
         grid = make_grid(box[0], box[1], settings.hull.spacing)
     elif grid is None:
         grid = place_grid(cameras, silhouettes, empty_views, settings.hull.spacing, min_views, max_misses)
-    known = recording.skeleton is not None
-    skeleton = recording.skeleton or default_adult()
     body = settings.body or make_body(skeleton)
-    prepared = Prepared(to_z_up, cameras, None, np.zeros((0, 0, 0), bool), max_misses, skeleton, known, body, None)
+    prepared = Prepared(
+        to_z_up, cameras, None, np.zeros((0, 0, 0), bool), max_misses, skeleton, known, body, None, scale=scale
+    )
     if grid is None:
         return prepared
     return with_grid(prepared, grid, (silhouettes.shape[2], 8 * silhouettes.shape[3]), settings)
+
+
+def _skeleton(recording: Recording, settings: Settings) -> tuple[Skeleton, bool]:
+    """The skeleton to begin with (m, in the recording's world), and whether it is the subject's."""
+    average, given = settings.average, recording.skeleton
+    if given is not None and given.template == average.template:
+        return given, True
+    if given is not None and average.template.is_human and given.template == HUMAN_15:
+        points = human_points(given, average.template.meanings)
+        joints = len(average.template.joint_names)
+        return make_skeleton(points[:joints], points[joints:], average.template), True
+    if given is not None and settings.template is None:
+        raise ValueError(
+            f"{recording.name}: its skeleton is of {given.template.name!r}; give that template in the settings"
+        )
+    return average, False
 
 
 def with_grid(prepared: Prepared, grid: VoxelGrid, size: tuple[int, int], settings: Settings) -> Prepared:
@@ -132,7 +161,7 @@ def with_subject(
     assert len(chosen) <= FRAMES_PER_WORD
     found = observe_batch(
         recording[chosen], prepared, settings, outlines=calibrating, at_once=at_once,
-        template=lambda graphs: prepared.skeleton if prepared.skeleton_is_known else template_of(graphs),
+        template=lambda graphs: prepared.skeleton if prepared.skeleton_is_known else _of_graphs(graphs, prepared),
     )  # fmt: skip
     if found.labelled is None:
         return prepared
@@ -158,6 +187,14 @@ def with_subject(
         prepared, skeleton=subject.body.skeleton, body=subject.body, costs=subject.costs,
         stature_deviation=subject.stature_deviation, clothes=subject.clothes,
     )  # fmt: skip
+
+
+def _of_graphs(graphs: list[SkeletalGraph], prepared: Prepared) -> Skeleton:
+    """The template at the size of the graphs."""
+    if prepared.skeleton.template == HUMAN_15:
+        return template_of(graphs)
+    size = estimate_size(graphs, prepared.skeleton)
+    return prepared.skeleton if size is None else prepared.skeleton.scaled(size)
 
 
 def template_of(graphs: list[SkeletalGraph]) -> Skeleton:

@@ -39,6 +39,8 @@ class Prepared(eqx.Module):
         clothes: Root mean square thickness of what the subject wears (m), as far as the calibration of its body found
             it.
         model: The body prepared for the search; None without a search.
+        scale: Size of the world of all stages over that of the recording: bodies of other templates are made as large
+            as a person, for whom the stages' lengths hold.
     """
 
     to_z_up: Float[np.ndarray, "3 3"]
@@ -53,3 +55,4 @@ class Prepared(eqx.Module):
     stature_deviation: float | None = None
     clothes: float = 0.0
     model: Model | None = None
+    scale: float = 1.0

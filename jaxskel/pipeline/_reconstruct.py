@@ -7,7 +7,7 @@ from ..hull import FRAMES_PER_WORD, Stopwatch
 from ..poses import Poses, join_poses
 from ..recording import Recording
 from ..search import Track
-from ._assemble import FramesOf, assemble
+from ._assemble import assemble, frames_of
 from ._prepare import check_given, prepare
 from ._prepared import Prepared
 from ._refine import refine
@@ -37,7 +37,7 @@ def reconstruct_batch(
     if start is not None:
         with stopwatch("refine"):
             refined = refine(start.poses, start.observed, prepared.skeleton, objective, settings.refinement)
-    frames = FramesOf(prepared.to_z_up, part.up, part.fps, part.frame_index)
+    frames = frames_of(part, prepared, settings)
     return assemble(frames, prepared.skeleton, seen, start, refined, prepared.stature_deviation), track
 
 

@@ -94,6 +94,8 @@ def check_without_silhouettes(settings: Any) -> None:
     """
     check_kind("settings", settings, Settings, "paper_settings()")
     needs = None
+    if settings.template is not None and not settings.template.template.is_human:
+        raise ValueError("template: voxels are matched with humans only; give silhouettes for another template")
     if settings.search is not None:
         needs = "a search"
     elif settings.refinement.objective_for(settings.body or make_body(default_adult())).needs_outlines:

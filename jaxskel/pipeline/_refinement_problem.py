@@ -17,7 +17,7 @@ from ..recording import Recording
 from ..refinement import Refined
 from ..refinement.terms import Observed
 from ..search import Hypotheses
-from ._assemble import FramesOf, assemble
+from ._assemble import FramesOf, assemble, frames_of
 from ._prepare import prepare
 from ._prepared import Prepared
 from ._reconstruct import BATCH
@@ -80,12 +80,12 @@ class _Batches:
         if len(refined.converged) != frames:
             raise ValueError(f"refined: has {len(refined.converged)} frames, but the problem has {frames}; refine all")
         parts, first = [], 0
-        for frames_of, seen, start in zip(self.frames, self.seen, self.starts, strict=True):
+        for numbered, seen, start in zip(self.frames, self.seen, self.starts, strict=True):
             own = None
             if start is not None:
                 own = take(refined, np.arange(first, first + len(seen.frames)))
                 first += len(seen.frames)
-            parts.append(assemble(frames_of, self.skeleton, seen, start, own, self.stature_deviation))
+            parts.append(assemble(numbered, self.skeleton, seen, start, own, self.stature_deviation))
         return join_poses(parts)
 
 
@@ -107,7 +107,7 @@ def refinement_problem(
     for first in range(0, len(recording), BATCH):
         part = recording[first : first + BATCH]
         seen, start, _ = start_of(part, prepared, settings, objective)
-        numbered.append(FramesOf(prepared.to_z_up, part.up, part.fps, part.frame_index))
+        numbered.append(frames_of(part, prepared, settings))
         people.append(replace(seen, hulls=None))
         found.append(start)
     starts = [start for start in found if start is not None]

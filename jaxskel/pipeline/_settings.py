@@ -5,7 +5,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .._runtime.kinds import check_count, check_kind, check_number
-from ..body import Body, default_adult, make_body
+from ..body import Body, Skeleton, default_adult, make_body
 from ..graph import MIN_BRANCH, HeadBall, HighestVoxel, RootFinder, Skeletoniser, VoxelScooping
 from ..hull import check_spacing
 from ..matching import HANDLESS_DESCRIPTOR, PAPER_DESCRIPTOR, DtwMatcher, Matcher
@@ -124,6 +124,9 @@ class Settings(eqx.Module):
         search: Finds the poses to refine from the silhouettes; if None, the labelled graph gives the pose.
         tracking: Tracks the person from frame to frame instead of searching in every frame; needs a search.
         body: The subject's body if it was calibrated before; by default it is calibrated on the recording.
+        template: What skeleton to find, at any size, such as `read_template` reads it; by default the paper's human. A
+            search finds the human body and puts the template's points on it; without one, the template itself is
+            matched with the graph. Lengths of the other settings are then for a body of a person's size.
 
     Raises:
         ValueError: A combination that cannot work.
@@ -136,9 +139,16 @@ class Settings(eqx.Module):
     tracking: Tracking | None = None
     body: Body | None = None
     refinement: RefinementSettings = eqx.field(default_factory=RefinementSettings)
+    template: Skeleton | None = None
 
     def __check_init__(self):
         """Reject combinations that cannot work."""
+        check_kind("template", self.template, Skeleton | None, "a Skeleton, as read_template(path) reads it, or None")
+        if self.search is not None and self.template is not None and not self.template.template.is_human:
+            raise ValueError(
+                f"template: {self.template.template.name!r} has points that are not on the human body, which a search "
+                "needs; give paper_settings(template), or say in its file what each point is"
+            )
         check_kind("hull", self.hull, HullSettings, "HullSettings(...)")
         check_kind("graph", self.graph, GraphSettings, "GraphSettings(...)")
         check_kind("matching", self.matching, MatchingSettings, "MatchingSettings(...)")
@@ -150,15 +160,20 @@ class Settings(eqx.Module):
             return
         if self.tracking is not None:
             raise ValueError("tracking needs a search to start from: give Settings(search=Search()), or no tracking")
-        if self.refinement.objective_for(self.body or make_body(default_adult())).needs_outlines:
+        if self.refinement.objective_for(self.body or make_body(self.average)).needs_outlines:
             raise ValueError(
                 "without a search only the graph is looked at, but the objective needs outlines: give "
                 "Settings(search=Search()), or paper_objective()"
             )
 
+    @property
+    def average(self) -> Skeleton:
+        """The skeleton that is matched with the graph before anything is known of the subject."""
+        return default_adult() if self.search is not None or self.template is None else self.template
 
-def paper_settings() -> Settings:
-    """The paper's method as published.
+
+def paper_settings(template: Skeleton | None = None) -> Settings:
+    """The paper's method as published, for its human template or another one.
 
     The head is the highest voxel, Eq. 5 describes inner nodes by all end nodes, every view carves, and the pose of the
     labelled graph is refined against the graph with fixed bone lengths. Correspondences are looked up often: that
@@ -173,4 +188,5 @@ def paper_settings() -> Settings:
             objective=paper_objective(), parametrisation=ExactBones(),
             solver=NormalEquationsLM(rtol=1e-2, atol=3e-3, ftol=1e-2), rounds=5,
         ),
+        template=template,
     )  # fmt: skip

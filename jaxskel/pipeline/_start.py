@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float, Int
 from .._math.gaussians import deviation_for
 from .._runtime.batching import length_of, on_device, padded, single_precision, take
 from .._runtime.steps import Steps
-from ..body import JOINT_NAMES, Body, Pose, Skeleton, place_joints
+from ..body import HUMAN_15, JOINT_NAMES, Body, Pose, Skeleton, place_joints
 from ..graph import SkeletalGraph, forest_of
 from ..hull import FRAMES_PER_WORD, Seen, Stopwatch, middles_of_people
 from ..matching import L_FOOT, R_FOOT, Limbs, joint_confidence, template_ends
@@ -43,6 +43,7 @@ from ..search import (
     solve_frames,
     solving,
     start_poses,
+    target_poses,
     track_frames,
     unexplained_shares,
 )
@@ -126,7 +127,9 @@ def start_by_graph(labelled: Labelled, at_once: int, data: dict[str, Float[Array
         variance = deviation_for(SAME_PLACE, np.clip(trust, _LEAST_TRUST, _MOST_TRUST)) ** 2
         return Uncertainty((variance[..., None, None] * np.eye(3)).astype(np.float32), trust)
 
-    poses, observed = initial_poses(limbs, facing, skeleton), on_device(observed_graph(limbs, data), at_once)
+    human = skeleton.template == HUMAN_15
+    poses = initial_poses(limbs, facing, skeleton) if human else target_poses(limbs, skeleton)
+    observed = on_device(observed_graph(limbs, data), at_once)
     return Start(poses, observed, _plausible(graphs, limbs, skeleton), sides, uncertainty)
 
 
@@ -259,7 +262,13 @@ def _away(found: Hypotheses, skeleton: Skeleton, at_once: int) -> Float[np.ndarr
 
 
 def _plausible(graphs: list[SkeletalGraph], limbs: Limbs, skeleton: Skeleton) -> Bool[np.ndarray, " frames"]:
-    """Whether at least one leg has about the template's length, and no node is much farther from the head."""
+    """Whether at least one leg has about the template's length, and no node is much farther from the head.
+
+    Of another template, most limbs must have their lengths.
+    """
+    if skeleton.template != HUMAN_15:
+        ways = template_ends(skeleton)[0, 1:]
+        return (limbs.found[:, 1:] & (np.abs(limbs.lengths[:, 1:] / ways - 1) < _LEG_TOLERANCE)).mean(1) > 0.5
     way = template_ends(skeleton)[0, [L_FOOT, R_FOOT]]
     legs = np.abs(limbs.lengths[:, [L_FOOT, R_FOOT]] / way - 1) < _LEG_TOLERANCE
     farthest = forest_of(graphs).depths.max(1)

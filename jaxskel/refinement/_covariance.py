@@ -34,7 +34,10 @@ def joint_covariance(
     Returns:
         Covariances in m^2, if a residual of one is one standard deviation.
     """
-    fixed, start = objective.correspond(parametrisation.placed(base, skeleton), observed), parametrisation.unknowns()
+    fixed, start = (
+        objective.correspond(parametrisation.placed(base, skeleton), observed),
+        parametrisation.unknowns(skeleton),
+    )
 
     def residuals(unknowns: Float[Array, " unknowns"]) -> dict[str, Array]:
         kept = parametrisation.constraint_residuals(parametrisation.retract(unknowns, base, skeleton), skeleton)

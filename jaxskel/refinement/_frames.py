@@ -78,7 +78,7 @@ def refine_frame(
         solution = optx.least_squares(
             residuals,
             solver,
-            parametrisation.unknowns(),
+            parametrisation.unknowns(skeleton),
             args=(base, fixed),
             max_steps=max_steps,
             throw=False,
@@ -93,7 +93,7 @@ def refine_frame(
         base = parametrisation.settled(parametrisation.retract(solution.value, base, skeleton), skeleton)
         return base, (solution.result == optx.RESULTS.successful, solution.stats["num_steps"], covariance)
 
-    start = parametrisation.begin(in_precision_of(parametrisation.unknowns(), initial), skeleton)
+    start = parametrisation.begin(in_precision_of(parametrisation.unknowns(skeleton), initial), skeleton)
     base, (converged, steps, covariance) = jax.lax.scan(one_round, start, None, length=rounds)
     inputs = objective, parametrisation, skeleton, observed
     base, spreads = trusted_gradient((base, covariance[-1]), converged[-1], inputs)

@@ -63,7 +63,7 @@ def refine_sequence(
         held = {name: (rows**2).sum() for name, rows in parametrisation.constraint_residuals(base, skeleton).items()}
         return objective.costs(parametrisation.placed(base, skeleton), frame) | held
 
-    poses = in_precision_of(parametrisation.unknowns(), initial)
+    poses = in_precision_of(parametrisation.unknowns(skeleton), initial)
     given = jax.vmap(lambda pose: parametrisation.begin(pose, skeleton))(poses)
     before = one_by_one(costs_of, given)
     seen = jax.vmap(lambda each: jnp.isfinite(ravel_pytree(each)[0]).all())((given, before))
@@ -91,7 +91,7 @@ def refine_sequence(
 
     def one_round(base: Any, _: None) -> tuple[Any, tuple[Array, Array]]:
         fixed = one_by_one(lambda one, frame: objective.correspond(parametrisation.placed(one, skeleton), frame), base)
-        zeros = jnp.zeros((count, parametrisation.unknowns().size))
+        zeros = jnp.zeros((count, parametrisation.unknowns(skeleton).size))
         solution = optx.least_squares(
             residuals, solver, zeros, args=(base, fixed), max_steps=max_steps, throw=False
         )  # fmt: skip

@@ -29,6 +29,7 @@ from ._search import solve_frames as solve_frames
 from ._search import solving as solving
 from ._start_poses import graphless_poses as graphless_poses
 from ._start_poses import start_poses as start_poses
+from ._target_poses import target_poses as target_poses
 from ._track import Proposed as Proposed
 from ._track import track_frames as track_frames
 from ._track_state import Searched as Searched

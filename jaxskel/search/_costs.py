@@ -22,7 +22,7 @@ def costs_by_term(
         observed: What the frames show.
     """
     stack = on_device(observed)
-    count, length = len(poses.root), len(stack.neck)
+    count, length = len(poses.root), len(stack.inner)
     found = _costs(single_precision(objective), single_precision(skeleton), padded(poses, length), stack)
     return {name: np.asarray(costs)[:count] for name, costs in found.items()}
 

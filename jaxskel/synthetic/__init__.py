@@ -6,6 +6,7 @@ In: a number of frames and cameras. Out: a `Recording` with `Truth`.
 from ._adult import draw_adult as draw_adult
 from ._anatomy import detailed_body as detailed_body
 from ._motion import demo_motion as demo_motion
+from ._random_poses import random_poses as random_poses
 from ._render import View as View
 from ._render import make_view as make_view
 from ._render import render as render

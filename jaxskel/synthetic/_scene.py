@@ -4,11 +4,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..body import Pose, Skeleton, default_adult, place_body, place_joints
+from ..body import HUMAN_15, Pose, Skeleton, default_adult, make_body, place_body, place_joints
 from ..cameras import Cameras, make_cameras
 from ..recording import Recording, Truth
 from ._anatomy import detailed_body
 from ._motion import demo_motion
+from ._random_poses import random_poses
 from ._render import render
 
 
@@ -79,8 +80,9 @@ def make_scene(
         frames: Number of frames of the built-in motion; unused if a motion is given.
         fps: Frames per second.
         cameras: The rig, in a world with z up and the floor at z = 0; a ring of eight by default.
-        skeleton: The person's dimensions; an average adult by default.
-        motion: A stack of poses of this skeleton, such as `demo_motion` (the default) or `retarget` return.
+        skeleton: The person's dimensions; an average adult by default. Or those of another template.
+        motion: A stack of poses of this skeleton, such as `demo_motion` (the default) or `retarget` return. Of another
+            template by default `random_poses`.
         on_frame: Called with the number of frames done after each frame, to show progress.
 
     Returns:
@@ -88,10 +90,12 @@ def make_scene(
     """
     cameras = camera_ring() if cameras is None else cameras
     skeleton = default_adult() if skeleton is None else skeleton
-    motion = demo_motion(skeleton, frames, fps) if motion is None else motion
+    human = skeleton.template == HUMAN_15
+    if motion is None:
+        motion = demo_motion(skeleton, frames, fps) if human else random_poses(skeleton, frames)
     if np.ndim(motion.root) != 2:
         raise ValueError(f"motion: root has shape {np.shape(motion.root)}: give a stack of poses, (frames, 3)")
-    ends, radii = place_body(detailed_body(skeleton), motion)
+    ends, radii = place_body(detailed_body(skeleton) if human else make_body(skeleton), motion)
     joints, tips = place_joints(skeleton, motion)
     return Recording(
         cameras=cameras,

@@ -12,7 +12,7 @@ from support.spoilt_rigs import masks_of
 
 from jaxskel import JOINT_NAMES, Recording, make_cameras, pack_silhouettes, unpack_silhouettes
 from jaxskel.body import MIRROR_JOINTS
-from jaxskel.body._skeleton import MIRROR_TIPS
+from jaxskel.body._human import MIRROR_TIPS
 from jaxskel.synthetic import make_scene
 
 SEEDS = range(24)

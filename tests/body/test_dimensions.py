@@ -19,8 +19,8 @@ from jaxskel.body import (
     people_prior,
     shaped_body,
 )
+from jaxskel.body._human import MIRROR_TIPS
 from jaxskel.body._shape import shaped_skeleton
-from jaxskel.body._skeleton import MIRROR_TIPS
 
 ADULT = default_adult()
 SAME = Shape(np.zeros(11), np.zeros(2), np.zeros((len(FREE_BALLS), 4)))

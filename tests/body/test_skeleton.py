@@ -26,7 +26,7 @@ from jaxskel.body import (
     place_segments,
     rest_origins,
 )
-from jaxskel.body._skeleton import MIRROR_TIPS
+from jaxskel.body._human import MIRROR_TIPS
 
 ADULT = default_adult()
 MIRROR = np.diag([1.0, -1.0, 1.0])

@@ -57,9 +57,7 @@ def scene() -> Scene:
     seen = recording.silhouettes[:], recording.cameras, lost
     graph = ideal_graph(ADULT, Pose(np.zeros(3), np.tile(np.eye(3), (17, 1, 1))))
     stack = jax.tree.map(lambda a: np.repeat(np.asarray(a)[None], FRAMES, 0), graph)
-    observed = Observed(
-        stack.paths, stack.found, stack.neck, stack.pelvis, contours(*seen), silhouette_distances(*seen)
-    )
+    observed = Observed(stack.paths, stack.found, stack.inner, contours(*seen), silhouette_distances(*seen))
     return Scene(body, motion, observed)
 
 

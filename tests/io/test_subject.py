@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jaxskel.body import JOINT_NAMES, MIRROR_JOINTS, Skeleton, default_adult, make_skeleton
-from jaxskel.body._skeleton import MIRROR_TIPS
+from jaxskel.body._human import MIRROR_TIPS
 from jaxskel.io.subjects import read_subject, write_subject
 
 # The place of each length in (bone_lengths, tip_lengths); two-sided ones left, then right.

@@ -38,24 +38,23 @@ def person(toes=0.2, knees=0.0, turn=0.0, found=(True,) * 5, crossed=False) -> L
         (paths @ rotation.T)[None],
         lengths[None],
         np.array([found]),
-        (rotation @ AT["neck"])[None],
-        (rotation @ AT["pelvis"])[None],
+        (np.stack([AT["pelvis"], AT["neck"]]) @ rotation.T)[None],
     )
 
 
 def film(people: list[Limbs]) -> Limbs:
     """Frames one after the other."""
-    fields = ("paths", "lengths", "found", "neck", "pelvis")
+    fields = ("paths", "lengths", "found", "inner")
     return Limbs(*(np.concatenate([getattr(one, field) for one in people]) for field in fields))
 
 
 def moved(limbs: Limbs, shift: np.ndarray) -> Limbs:
-    return Limbs(limbs.paths + shift, limbs.lengths, limbs.found, limbs.neck + shift, limbs.pelvis + shift)
+    return Limbs(limbs.paths + shift, limbs.lengths, limbs.found, limbs.inner + shift)
 
 
 def mirrored(limbs: Limbs) -> Limbs:
     """The person in the mirror, who has the left limbs on the right."""
-    return Limbs(limbs.paths @ MIRROR, limbs.lengths, limbs.found, limbs.neck @ MIRROR, limbs.pelvis @ MIRROR)
+    return Limbs(limbs.paths @ MIRROR, limbs.lengths, limbs.found, limbs.inner @ MIRROR)
 
 
 PEOPLE = {
@@ -169,8 +168,6 @@ def test_limbs_that_are_not_found_hold_no_sides():
 def test_points_along_a_path_by_hand():
     # One metre of a straight path, at 0, 0.25, 1 and more than the whole length from its end.
     path, length = along([(0, 0, 0), (0, 0, 1.0)])
-    limbs = Limbs(
-        np.tile(path, (1, 5, 1, 1)), np.full((1, 5), length), np.ones((1, 5), bool), np.zeros((1, 3)), np.zeros((1, 3))
-    )
+    limbs = Limbs(np.tile(path, (1, 5, 1, 1)), np.full((1, 5), length), np.ones((1, 5), bool), np.zeros((1, 2, 3)))
     for distance, z in ((0.0, 1.0), (0.25, 0.75), (1.0, 0.0), (3.0, 0.0)):
         np.testing.assert_allclose(limbs.at(L_FOOT, distance), [[0, 0, z]], atol=1e-12)

@@ -193,7 +193,7 @@ def test_the_jacobian_of_a_term_is_finite_differences(observed, name):
             double, (alike(parametrisation), parametrisation, observed, ADULT, wrong)
         )
         base = eqx.filter_jit(parametrisation.begin)(wrong, skeleton)
-        count, rng = parametrisation.unknowns().size, np.random.default_rng(0)
+        count, rng = parametrisation.unknowns(ADULT).size, np.random.default_rng(0)
         here, along = (jnp.asarray(spread * rng.normal(size=count)) for spread in (0.01, 1.0))
         derived, divided = (found[name] for found in slopes(terms, parametrisation, base, skeleton, seen, here, along))
         assert np.abs(derived).max() > 1e-3
@@ -202,7 +202,7 @@ def test_the_jacobian_of_a_term_is_finite_differences(observed, name):
 
 def started(parametrisation: Parametrisation, spread: float, count: int, seed: int = 0) -> Pose:
     """Poses around the truth; the last one is NaN."""
-    unknowns = spread * np.random.default_rng(seed).normal(size=(count, parametrisation.unknowns().size))
+    unknowns = spread * np.random.default_rng(seed).normal(size=(count, parametrisation.unknowns(ADULT).size))
 
     def displaced(unknowns):
         base = parametrisation.begin(jax.tree.map(jnp.asarray, TRUTH), ADULT)

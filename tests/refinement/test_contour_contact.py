@@ -152,7 +152,7 @@ def test_squared_norm_is_the_weighted_mean_and_stays_so_to_first_order(scattered
             residual = term.residual(place(skeleton, HINGED.retract(unknowns, base, skeleton)), observed, fixed)
             return (residual**2).sum()
 
-        zeros = HINGED.unknowns()
+        zeros = HINGED.unknowns(ADULT)
         there = distances(zeros)
         weight = jnp.where(there < 0, 0.3, 1.0) / (1 + (there / 0.05) ** 2) ** 2 / 400
         dense = lambda unknowns: float((weight * distances(unknowns) ** 2).sum())  # noqa: E731
@@ -176,7 +176,7 @@ def test_jacobian_is_finite_differences(scattered):
             pose = HINGED.retract(jnp.asarray(unknowns), base, skeleton)
             return term.residual(place(skeleton, pose), observed, fixed)
 
-        unknowns = 0.05 * jnp.asarray(np.random.default_rng(0).normal(size=len(HINGED.unknowns())))
+        unknowns = 0.05 * jnp.asarray(np.random.default_rng(0).normal(size=len(HINGED.unknowns(ADULT))))
         check_grads(residual, (unknowns,), order=1, modes=("fwd", "rev"), atol=1e-6, rtol=1e-6, eps=1e-5)
         assert jnp.abs(jax.jit(jax.jacfwd(residual))(unknowns)).max() > 0.01
 

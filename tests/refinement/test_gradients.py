@@ -71,7 +71,7 @@ def test_the_solve_converges_to_rounding(problem):
 # What is differentiated by: weights, what was observed, the template's lengths, a robust scale.
 PLACES = {
     "weights": lambda given: [term.weight for term in given[0].terms.values()],
-    "graph": lambda given: [given[1].paths, given[1].neck],
+    "graph": lambda given: [given[1].paths, given[1].inner],
     "skeleton": lambda given: [given[2].rest_joints, given[2].rest_tips],
     "scale": lambda given: [given[0].terms["graph"].scale],
 }

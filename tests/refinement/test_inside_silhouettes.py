@@ -178,7 +178,7 @@ def test_at_the_base_pose_the_residual_is_the_dense_sum_and_so_is_its_gradient(f
             body = placed(unknowns)
             return capsule_ends(term.body, body.origins, body.rotations)
 
-        zeros = HINGED.unknowns()
+        zeros = HINGED.unknowns(ADULT)
         fixed, start = eqx.filter_jit(term.correspond)(placed(zeros), seen), np.asarray(ends(zeros))
         value, gradient = jax.jit(
             jax.value_and_grad(lambda unknowns: (term.residual(placed(unknowns), seen, fixed) ** 2).sum())
@@ -197,7 +197,7 @@ def test_at_the_base_pose_the_residual_is_the_dense_sum_and_so_is_its_gradient(f
 def test_jacobian_is_that_of_finite_differences(filmed):
     term, skeleton, base, seen = filmed
     with jax.enable_x64(True):
-        zeros = HINGED.unknowns()
+        zeros = HINGED.unknowns(ADULT)
         fixed = eqx.filter_jit(term.correspond)(place(skeleton, base), seen)
 
         @jax.jit

@@ -46,7 +46,7 @@ def seen():
 
 
 GRAPHS, PATHS = seen()
-OBSERVED = type(GRAPHS)(PATHS, GRAPHS.found, GRAPHS.neck, GRAPHS.pelvis)
+OBSERVED = type(GRAPHS)(PATHS, GRAPHS.found, GRAPHS.inner)
 INITIAL = jax.tree.map(stack, *POSES)
 # Wrong start weights: bad markers count most.
 START = Objective(

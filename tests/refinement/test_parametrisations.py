@@ -61,7 +61,7 @@ def points_of(pose: Pose) -> np.ndarray:
 
 def single_unknowns(name: str, values) -> jnp.ndarray:
     """Zeros but for the unknowns of one segment."""
-    return HingedLimbs().unknowns().at[SLICES[name]].set(jnp.asarray(values))
+    return HingedLimbs().unknowns(ADULT).at[SLICES[name]].set(jnp.asarray(values))
 
 
 def relative(pose: Pose) -> np.ndarray:
@@ -74,10 +74,10 @@ def relative(pose: Pose) -> np.ndarray:
 def test_zero_unknowns_are_the_base_pose(name):
     parametrisation, count = ALL[name]
     assert isinstance(parametrisation, Parametrisation)
-    assert parametrisation.unknowns().shape == (count,)
-    np.testing.assert_array_equal(parametrisation.unknowns(), 0.0)
+    assert parametrisation.unknowns(ADULT).shape == (count,)
+    np.testing.assert_array_equal(parametrisation.unknowns(ADULT), 0.0)
     for base in (pose_of(0), free_pose(0)):
-        pose = POSES[name](parametrisation.unknowns(), base, ADULT)
+        pose = POSES[name](parametrisation.unknowns(ADULT), base, ADULT)
         np.testing.assert_allclose(pose.root, base.root, atol=1e-6)
         np.testing.assert_allclose(pose.rotations, base.rotations, atol=1e-6)
 
@@ -198,7 +198,7 @@ def test_no_two_unknowns_do_the_same(name):
         return jnp.concatenate([leaf.ravel() for leaf in jax.tree.leaves(placed)])
 
     base = jax.tree.map(jnp.asarray, pose_of(1))
-    singular = np.linalg.svd(np.asarray(jax.jit(jax.jacfwd(body))(parametrisation.unknowns())), compute_uv=False)
+    singular = np.linalg.svd(np.asarray(jax.jit(jax.jacfwd(body))(parametrisation.unknowns(ADULT))), compute_uv=False)
     assert singular.shape == (count,)
     assert singular.min() > 0.1
 
@@ -274,7 +274,7 @@ def test_shoulder_blades_and_hands_do_not_twist(segment, start, end):
 def test_the_position_shifts_the_whole_body(name):
     parametrisation, _ = ALL[name]
     base = pose_of(9)
-    shifted = POSES[name](parametrisation.unknowns().at[:3].set(jnp.array([0.1, -0.2, 0.3])), base, ADULT)
+    shifted = POSES[name](parametrisation.unknowns(ADULT).at[:3].set(jnp.array([0.1, -0.2, 0.3])), base, ADULT)
     np.testing.assert_allclose(points_of(shifted) - points_of(base), np.tile([0.1, -0.2, 0.3], (24, 1)), atol=1e-6)
 
 

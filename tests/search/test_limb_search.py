@@ -156,7 +156,7 @@ def test_unexplained_rays_are_those_off_the_rest_of_the_body():
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     given = [jnp.asarray(a, jnp.float32) for a in (hit - 4 * directions, directions)]
     rays = Contours(*given)
-    observed = Observed(np.zeros((5, 9, 3)), np.ones(5, bool), np.zeros(3), np.zeros(3), contours=rays)
+    observed = Observed(np.zeros((5, 9, 3)), np.ones(5, bool), np.zeros((2, 3)), contours=rays)
     objective = volume_objective(body)
     found, costs = unexplained(body, pose, objective, observed, without("l_arm", "r_leg"))
 

@@ -192,7 +192,7 @@ def test_a_step_of_descent_lowers_what_it_linearised(filmed):
         return cost(base), cost(after), after.rotations
 
     for spread in (0.02, 0.05, 0.1, 0.2):
-        before, after, turned = step(jnp.asarray(spread * rng.normal(size=len(hinged.unknowns())), jnp.float32))
+        before, after, turned = step(jnp.asarray(spread * rng.normal(size=len(hinged.unknowns(ADULT))), jnp.float32))
         # Most of the cost of a wrong pose can be removed.
         assert float(after) < (0.9 if spread < 0.05 else 0.7) * float(before)
         np.testing.assert_allclose(turned @ turned.swapaxes(1, 2), np.tile(np.eye(3), (17, 1, 1)), atol=1e-5)

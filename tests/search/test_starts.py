@@ -33,8 +33,8 @@ def limbs_of(*names: str) -> Limbs:
     for frame, (pelvis, neck, left, right, _) in enumerate(rows):
         for label, end in enumerate((neck + [0, 0, 0.2], neck + [0, 0.5, 0], neck - [0, 0.5, 0], left, right)):
             paths[frame, label] = np.linspace(pelvis, end, 32)
-    pelvis, neck = (np.stack([row[column] for row in rows]) for column in (0, 1))
-    return Limbs(paths, np.ones((count, 5)), np.ones((count, 5), bool), neck, pelvis)
+    inner = np.array([row[:2] for row in rows])
+    return Limbs(paths, np.ones((count, 5)), np.ones((count, 5), bool), inner)
 
 
 def starts_of(*names: str) -> Pose:
@@ -152,7 +152,7 @@ def test_missing_feet_are_below_the_pelvis():
 
 def test_without_facing_or_spine_the_axes_of_the_world_stand_in():
     limbs = limbs_of("standing")
-    nowhere = eqx.tree_at(lambda l: l.neck, limbs, limbs.pelvis + [0.01, 0.0, 0.0])
+    nowhere = eqx.tree_at(lambda l: l.inner, limbs, limbs.inner[:, [0, 0]] + [[0.0] * 3, [0.01, 0.0, 0.0]])
     poses = start_poses(nowhere, np.zeros((1, 3)), ADULT)
     expected = start_poses(limbs, np.array([[1.0, 0.0, 0.0]]), ADULT)
     np.testing.assert_allclose(poses.rotations, expected.rotations, atol=1e-9)

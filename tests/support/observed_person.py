@@ -49,4 +49,4 @@ def observe(pose: Pose) -> Observed:
         jax.tree.map(lambda a: a[0], each(seen, CAMERAS, empty_views)) for each in (contours, silhouette_distances)
     )
     graph = ideal_graph(ADULT, pose)
-    return Observed(graph.paths, graph.found, graph.neck, graph.pelvis, outlines, inside)
+    return Observed(graph.paths, graph.found, graph.inner, outlines, inside)

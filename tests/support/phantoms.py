@@ -153,7 +153,7 @@ def ideal_graph(skeleton: Skeleton, pose: Pose) -> Observed:
     for label, names in enumerate(WAYS):
         way = [*(ends[:1] if label else []), *(joints[JOINT_NAMES.index(name)] for name in names), ends[label]]
         paths[label] = way + way[-1:] * (9 - len(way))
-    return Observed(*(jnp.asarray(a) for a in (paths, np.ones(5, bool), joints[1], joints[0])))
+    return Observed(*(jnp.asarray(a) for a in (paths, np.ones(5, bool), joints[:2])))
 
 
 class HandsTogether(AbstractTerm):

@@ -17,7 +17,7 @@ class Parametrisation(Protocol):
         """The base for a pose."""
         ...
 
-    def unknowns(self) -> Float[Array, " unknowns"]:
+    def unknowns(self, skeleton: Skeleton) -> Float[Array, " unknowns"]:
         """The unknowns at any base: zeros."""
         ...
 
@@ -53,7 +53,7 @@ class JointRotations(eqx.Module):
         """The pose itself."""
         return pose
 
-    def unknowns(self) -> Float[Array, " unknowns"]:
+    def unknowns(self, skeleton: Skeleton) -> Float[Array, " unknowns"]:
         """The unknowns at the base pose: zeros."""
         raise NotImplementedError
 

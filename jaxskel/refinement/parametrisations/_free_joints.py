@@ -1,32 +1,17 @@
 """Free joint positions with residuals that hold the bone lengths."""
 
 from abc import abstractmethod
+from functools import lru_cache
+from itertools import combinations
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ..._math.rotations import cross
-from ...body import JOINT_OF_PIVOT, JOINT_PARENTS, TIP_PARENTS, Pose, Skeleton
+from ...body import Pose, Skeleton, SkeletonTemplate
 from ..terms import PlacedBody, number, place
-
-_COUNT = len(JOINT_PARENTS)
-_ENDS = np.arange(1, _COUNT, dtype=np.int32)
-_STARTS = np.array(JOINT_PARENTS[1:], np.int32)
-# The lengths held: those of the bones, and the distance between the hips.
-_HELD_STARTS, _HELD_ENDS = np.append(_STARTS, np.int32(9)), np.append(_ENDS, np.int32(12))
-# The line between two joints that each segment turns with: the hip line for the pelvis, the bone for hands and feet.
-_LINES = np.array(
-    [(12, 9), (0, 1), (1, 2), (1, 3), (3, 4), (4, 5), (1, 6), (6, 7), (7, 8), (9, 10), (10, 11), (12, 13), (13, 14),
-     (4, 5), (7, 8), (10, 11), (13, 14)], np.int32
-)  # fmt: skip
-_TIP_JOINTS, _TIP_SEGMENTS = np.array(TIP_PARENTS, np.int32), np.array((2, 13, 14, 15, 16), np.int32)
-# Wrists and ankles are placed relative to elbows and knees.
-_PIVOT_JOINTS = np.array([JOINT_PARENTS[joint] for joint in JOINT_OF_PIVOT], np.int32)
-_PIVOT_SEGMENTS = np.array((5, 8, 10, 12), np.int32)
-# The joint about which each segment but hands and feet turns.
-_ORIGIN_JOINTS = np.array((0, 0, 1, 1, 3, 4, 1, 6, 7, 9, 10, 12, 13), np.int32)
 
 
 class JointPositions(eqx.Module):
@@ -40,11 +25,11 @@ class JointPositions(eqx.Module):
 
     joints: Float[Array, "joints 3"]
     rotations: Float[Array, "segments 3 3"]
-    multipliers: Float[Array, " lengths=15"]
+    multipliers: Float[Array, " lengths"]
 
 
 class FreeJoints(eqx.Module):
-    """Free joints, 45 unknowns (m); residuals hold the bone lengths: see `SoftBones` and `AugmentedLagrangian`.
+    """Free joints, three unknowns each (m); residuals hold the lengths: see `SoftBones` and `AugmentedLagrangian`.
 
     A segment turns with its bone by the least rotation. Joint positions do not determine twists, which stay those of
     the base.
@@ -59,35 +44,38 @@ class FreeJoints(eqx.Module):
     def begin(self, pose: Pose, skeleton: Skeleton) -> JointPositions:
         """The joints of a pose, with multipliers of zero."""
         body = place(skeleton, pose)
-        return JointPositions(body.joints, body.rotations, jnp.zeros(_COUNT, body.joints.dtype))
+        return JointPositions(body.joints, body.rotations, jnp.zeros(len(_held(skeleton.template)), body.joints.dtype))
 
-    def unknowns(self) -> Float[Array, " unknowns=45"]:
+    def unknowns(self, skeleton: Skeleton) -> Float[Array, " unknowns"]:
         """The unknowns at any base: zeros."""
-        return jnp.zeros(3 * _COUNT)
+        return jnp.zeros(3 * len(skeleton.template.joint_names))
 
-    def retract(
-        self, unknowns: Float[Array, " unknowns=45"], base: JointPositions, skeleton: Skeleton
-    ) -> JointPositions:
+    def retract(self, unknowns: Float[Array, " unknowns"], base: JointPositions, skeleton: Skeleton) -> JointPositions:
         """The joints displaced by the unknowns, and the segments turned with their bones."""
-        joints = base.joints + unknowns.reshape(-1, 3)
-        before, after = (points[_LINES[:, 1]] - points[_LINES[:, 0]] for points in (base.joints, joints))
+        joints, lines = base.joints + unknowns.reshape(-1, 3), _lines(skeleton.template)
+        before, after = (points[lines[:, 1]] - points[lines[:, 0]] for points in (base.joints, joints))
         return JointPositions(joints, _swung(_unit(before), _unit(after), base.rotations), base.multipliers)
 
     def placed(self, base: JointPositions, skeleton: Skeleton) -> PlacedBody:
         """The skeleton in the world (m); tips keep their distances from their joints."""
-        rest = jnp.asarray(skeleton.rest_joints)
-        reach = jnp.asarray(skeleton.rest_tips) - rest[_TIP_JOINTS]
-        tips = base.joints[_TIP_JOINTS] + jnp.einsum("tij,tj->ti", base.rotations[_TIP_SEGMENTS], reach)
-        beyond = jnp.asarray(skeleton.pivots) - rest[_PIVOT_JOINTS]
-        pivots = base.joints[_PIVOT_JOINTS] + jnp.einsum("pij,pj->pi", base.rotations[_PIVOT_SEGMENTS], beyond)
-        origins = jnp.concatenate([base.joints[_ORIGIN_JOINTS], pivots])
-        return PlacedBody(base.joints, tips, base.rotations, origins)
+        rest, template = jnp.asarray(skeleton.rest_joints), skeleton.template
+        tip_joints = template.point_parents[len(rest) :]
+        reach = jnp.asarray(skeleton.rest_tips) - rest[tip_joints]
+        tip_segments = np.array(template.segment_of_tip, np.int32)
+        tips = base.joints[tip_joints] + jnp.einsum("tij,tj->ti", base.rotations[tip_segments], reach)
+        # Wrists and ankles are placed relative to elbows and knees.
+        ends = np.array([pivot.joint for pivot in template.pivots], np.int32)
+        starts, inner = template.point_parents[ends], np.array(template.segment_of_joint, np.int32)[ends]
+        beyond = jnp.asarray(skeleton.pivots) - rest[starts]
+        pivots = base.joints[starts] + jnp.einsum("pij,pj->pi", base.rotations[inner], beyond)
+        origins = jnp.concatenate([base.joints, pivots])[template.origins]
+        return PlacedBody(base.joints, tips, base.rotations, origins, template)
 
     def reached(self, unknowns: Float[Array, " unknowns"], base: JointPositions, skeleton: Skeleton) -> PlacedBody:
         """The skeleton in the world (m) after a change by the unknowns."""
         return self.placed(self.retract(unknowns, base, skeleton), skeleton)
 
-    def constraint_residuals(self, base: JointPositions, skeleton: Skeleton) -> dict[str, Float[Array, " lengths=15"]]:
+    def constraint_residuals(self, base: JointPositions, skeleton: Skeleton) -> dict[str, Float[Array, " lengths"]]:
         """Weighted differences of the lengths from the template's (m), shifted by the multipliers."""
         return {"bone_lengths": jnp.sqrt(self.weight) * (length_errors(base.joints, skeleton) + base.multipliers)}
 
@@ -127,12 +115,14 @@ class AugmentedLagrangian(FreeJoints):
         return JointPositions(base.joints, base.rotations, multipliers)
 
 
-def length_errors(joints: Float[Array, "joints 3"], skeleton: Skeleton) -> Float[Array, " lengths=15"]:
-    """Actual minus template length (m) of the bones, in the order of their joints, and of the hip distance."""
+def length_errors(joints: Float[Array, "joints 3"], skeleton: Skeleton) -> Float[Array, " lengths"]:
+    """Actual minus template length (m) of the bones, in the order of their joints, then within rigid segments.
+
+    A segment with several joints keeps their distances: of a human, the one between the hips.
+    """
+    starts, ends = _held(skeleton.template).T
     rest = jnp.asarray(skeleton.rest_joints)
-    lengths, expected = (
-        jnp.sqrt(((points[_HELD_ENDS] - points[_HELD_STARTS]) ** 2).sum(-1)) for points in (joints, rest)
-    )
+    lengths, expected = (jnp.sqrt(((points[ends] - points[starts]) ** 2).sum(-1)) for points in (joints, rest))
     return lengths - expected
 
 
@@ -150,3 +140,35 @@ def _swung(
     columns = (rotations[..., column] for column in range(3))
     once = ((column, cross(axis, column)) for column in columns)
     return jnp.stack([column + turn + share * cross(axis, turn) for column, turn in once], -1)
+
+
+@lru_cache(maxsize=16)
+def _held(template: SkeletonTemplate) -> Int[np.ndarray, "lengths 2"]:
+    """Joints at both ends of the lengths that are held."""
+    bones = [(parent, joint) for joint, parent in enumerate(template.joint_parents) if joint]
+    carried = [np.flatnonzero(np.array(template.segment_of_joint) == s) for s in range(len(template.segment_names))]
+    # The root is at the start of its segment's bones, not at an end of one.
+    pairs = [pair for own in carried for pair in combinations(own[own > 0].tolist(), 2)]
+    return np.array(bones + pairs, np.int32)
+
+
+@lru_cache(maxsize=16)
+def _lines(template: SkeletonTemplate) -> Int[np.ndarray, "segments 2"]:
+    """The joints at both ends of the line that each segment turns with.
+
+    That is its bone, from right to left where the first segment carries a pair, and the parent's line for segments
+    that carry no joint.
+    """
+    at = {segment: pivot.joint for pivot, segment in zip(template.pivots, template.segment_of_pivot, strict=True)}
+    lines: list[tuple[int, int]] = []
+    for segment, parent in enumerate(template.segment_parents):
+        own = [j for j, carrier in enumerate(template.segment_of_joint) if carrier == segment and j]
+        pairs = [(int(template.mirror_joints[j]), j) for j in own if template.joint_names[j].startswith("l_")]
+        joint = at.get(segment, own[0] if own else -1)
+        if segment == 0 and pairs and pairs[0][0] in own:
+            lines.append(pairs[0])
+        elif joint > 0:
+            lines.append((template.joint_parents[joint], joint))
+        else:
+            lines.append(lines[parent] if parent >= 0 else (0, template.joint_parents.index(0)))
+    return np.array(lines, np.int32)

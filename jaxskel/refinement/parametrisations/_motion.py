@@ -6,13 +6,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ..._math.rotations import cross
-from ...body import JOINT_OF_PIVOT, SEGMENT_NAMES, SEGMENT_OF_JOINT, SEGMENT_OF_PIVOT, SEGMENT_OF_TIP
 from ..terms import PlacedBody
-
-# The segment that carries each joint; a joint beyond a pivot (wrist, ankle) is carried by the bone's outer segment.
-_CARRIERS = np.array(SEGMENT_OF_JOINT, np.int32)
-_CARRIERS[np.array(JOINT_OF_PIVOT)] = SEGMENT_OF_PIVOT
-_TIPS, _SEGMENTS = np.array(SEGMENT_OF_TIP, np.int32), np.arange(len(SEGMENT_NAMES), dtype=np.int32)
 
 
 class Motion(eqx.Module):
@@ -52,11 +46,12 @@ class Motion(eqx.Module):
 
     def of_body(self, placed: PlacedBody) -> PlacedBody:
         """Derivative of the placed skeleton, with a last axis ``unknowns``."""
+        carriers, joints = placed.template.segments_of_points, len(placed.template.joint_names)
         turns = self.turns.T[None] * jnp.asarray(self.moves.T)[:, None]
         changes = (
-            self.of_points(placed.joints, _CARRIERS),
-            self.of_points(placed.tips, _TIPS),
+            self.of_points(placed.joints, carriers[:joints]),
+            self.of_points(placed.tips, carriers[joints:]),
             cross(turns[:, :, None], placed.rotations[..., None], 1),
-            self.of_points(placed.origins, _SEGMENTS),
+            self.of_points(placed.origins, np.arange(len(placed.origins), dtype=np.int32)),
         )
         return eqx.tree_at(lambda b: (b.joints, b.tips, b.rotations, b.origins), placed, changes)

@@ -3,33 +3,27 @@
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
-from ...body import JOINT_NAMES, Pose, Skeleton, stretched
+from ...body import Pose, Skeleton, SkeletonTemplate, stretched
 from ..terms import PlacedBody, number, place
 from ._base import JointRotations
 from ._exact_bones import ExactBones
-
-LENGTH_NAMES = ("neck", "head", "shoulder", "elbow", "hand", "hip", "knee", "foot")
-"""Joints at the ends of the bones, without the side."""
-_LENGTH_OF_BONE = np.array(
-    [LENGTH_NAMES.index(name.removeprefix("l_").removeprefix("r_")) for name in JOINT_NAMES[1:]], np.int32
-)
 
 
 class StretchedPose(eqx.Module):
     """A pose with bone lengths that differ from the template's.
 
     Attributes:
-        stretch: Logarithm of each length over the template's, in the order of `LENGTH_NAMES`.
+        stretch: Logarithm of each length over the template's; left and right share one.
     """
 
     pose: Pose
-    stretch: Float[Array, " lengths=8"]
+    stretch: Float[Array, " lengths"]
 
 
 class SymmetricLengths(eqx.Module):
-    """Joint rotations and eight lengths shared by left and right, for a template that is only nearly the subject's.
+    """Joint rotations and lengths shared by left and right, for a template that is only nearly the subject's.
 
     The unknowns are those of `rotations` (m, rad), then the logarithms of the lengths over those of the base.
 
@@ -42,15 +36,15 @@ class SymmetricLengths(eqx.Module):
 
     def begin(self, pose: Pose, skeleton: Skeleton) -> StretchedPose:
         """The pose with the template's own lengths."""
-        return StretchedPose(self.rotations.begin(pose, skeleton), jnp.zeros(len(LENGTH_NAMES)))
+        return StretchedPose(self.rotations.begin(pose, skeleton), jnp.zeros(_count(skeleton)))
 
-    def unknowns(self) -> Float[Array, " unknowns"]:
+    def unknowns(self, skeleton: Skeleton) -> Float[Array, " unknowns"]:
         """The unknowns at any base: zeros."""
-        return jnp.concatenate([self.rotations.unknowns(), jnp.zeros(len(LENGTH_NAMES))])
+        return jnp.concatenate([self.rotations.unknowns(skeleton), jnp.zeros(_count(skeleton))])
 
     def retract(self, unknowns: Float[Array, " unknowns"], base: StretchedPose, skeleton: Skeleton) -> StretchedPose:
         """The pose and the lengths after a change by the unknowns."""
-        turns, stretch = unknowns[: -len(LENGTH_NAMES)], unknowns[-len(LENGTH_NAMES) :]
+        turns, stretch = jnp.split(unknowns, [len(unknowns) - _count(skeleton)])
         pose = self.rotations.retract(turns, base.pose, self._template(base, skeleton))
         return StretchedPose(pose, base.stretch + stretch)
 
@@ -62,7 +56,7 @@ class SymmetricLengths(eqx.Module):
         """The skeleton in the world (m) after a change by the unknowns."""
         return self.placed(self.retract(unknowns, base, skeleton), skeleton)
 
-    def constraint_residuals(self, base: StretchedPose, skeleton: Skeleton) -> dict[str, Float[Array, " lengths=8"]]:
+    def constraint_residuals(self, base: StretchedPose, skeleton: Skeleton) -> dict[str, Float[Array, " lengths"]]:
         """Weighted logarithms of the lengths over the template's."""
         return {"bone_lengths": jnp.sqrt(self.weight) * base.stretch}
 
@@ -75,4 +69,14 @@ class SymmetricLengths(eqx.Module):
         return base.pose
 
     def _template(self, base: StretchedPose, skeleton: Skeleton) -> Skeleton:
-        return stretched(skeleton, jnp.exp(base.stretch)[_LENGTH_OF_BONE])
+        return stretched(skeleton, jnp.exp(base.stretch)[_length_of_bone(skeleton.template)])
+
+
+def _count(skeleton: Skeleton) -> int:
+    return int(_length_of_bone(skeleton.template).max()) + 1
+
+
+def _length_of_bone(template: SkeletonTemplate) -> Int[np.ndarray, " bones"]:
+    """The length that each bone has: left and right share one."""
+    names = [name.removeprefix("l_").removeprefix("r_") for name in template.joint_names[1:]]
+    return np.array([list(dict.fromkeys(names)).index(name) for name in names], np.int32)

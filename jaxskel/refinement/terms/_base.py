@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..._runtime.kinds import check_number, told
-from ...body import Body, Pose, Skeleton, place_segments
+from ...body import HUMAN_15, Body, Pose, Skeleton, SkeletonTemplate, place_segments
 from ...outlines import Contours, SilhouetteDistances
 
 
@@ -23,21 +23,23 @@ class PlacedBody(eqx.Module):
         tips: (m)
         rotations: Rotation of each segment from the body frame at rest to the world.
         origins: Pivot that each segment turns about (m).
+        template: What the skeleton consists of.
     """
 
     joints: Float[Array, "joints 3"]
     tips: Float[Array, "tips 3"]
     rotations: Float[Array, "segments 3 3"]
     origins: Float[Array, "segments 3"]
+    template: SkeletonTemplate = eqx.field(static=True, default=HUMAN_15)
 
 
 class Observed(eqx.Module):
     """Observations of one frame or of a batch: the labelled skeletal graph and the outlines, in the world (m).
 
     Attributes:
-        paths: Graph paths from the root to head, left and right hand, left and right foot, sampled at equal distances
-            (m).
+        paths: Graph paths from the root to the end node of each of the template's tips, sampled at equal distances (m).
         found: Whether an end node was found for each label.
+        inner: Nodes of the template's inner joints, such as pelvis and neck (m).
         contours: Viewing rays through the outlines of the silhouettes.
         silhouettes: Signed distance to each silhouette (m).
         data: What else is known of each frame, by names of your own, see `with_data`.
@@ -45,8 +47,7 @@ class Observed(eqx.Module):
 
     paths: Float[Array | np.ndarray, "*frames labels points 3"]
     found: Bool[Array | np.ndarray, "*frames labels"]
-    neck: Float[Array | np.ndarray, "*frames 3"]
-    pelvis: Float[Array | np.ndarray, "*frames 3"]
+    inner: Float[Array | np.ndarray, "*frames inner 3"]
     contours: Contours | None = None
     silhouettes: SilhouetteDistances | None = None
     data: dict[str, Float[Array | np.ndarray, "..."]] = eqx.field(default_factory=dict)
@@ -54,7 +55,7 @@ class Observed(eqx.Module):
     def with_data(self, /, **data: Any) -> "Observed":
         """The same with more data, for terms of your own: arrays with the frames axis first, NaN where missing."""
         found = {name: jnp.asarray(array, jnp.result_type(float)) for name, array in data.items()}
-        frames = self.neck.shape[:-1]
+        frames = self.inner.shape[:-2]
         for name, array in found.items():
             if array.shape[: len(frames)] != frames:
                 raise ValueError(
@@ -78,13 +79,18 @@ class Observed(eqx.Module):
 def place(skeleton: Skeleton, pose: Pose) -> PlacedBody:
     """Place the skeleton of one frame in the world (m)."""
     joints, tips, origins = place_segments(skeleton, pose)
-    return PlacedBody(joints, tips, jnp.asarray(pose.rotations), origins)
+    return PlacedBody(joints, tips, jnp.asarray(pose.rotations), origins, skeleton.template)
 
 
 def number(value: Any) -> Float[Array, "..."]:
     """A term's number as an array of floats: an integer would have another type and compile again."""
     array = jnp.asarray(value)
     return array if jnp.issubdtype(array.dtype, jnp.inexact) else array.astype(jnp.result_type(float))
+
+
+def number_if_any(value: Any) -> Float[Array, "..."] | None:
+    """As `number`, but None stays None."""
+    return None if value is None else number(value)
 
 
 def _with_arrays(terms: dict[str, Any]) -> dict[str, Any]:
@@ -99,7 +105,7 @@ class AbstractTerm(eqx.Module):
     """One residual of the objective. The weight multiplies its squared norm; to switch a term off, leave it out.
 
     Attributes:
-        needs_graph: Whether the term uses ``paths``, ``found``, ``neck`` or ``pelvis`` of ``observed``. Tracking
+        needs_graph: Whether the term uses ``paths``, ``found`` or ``inner`` of ``observed``. Tracking
             computes these only if a term needs them.
         needs_outlines: Whether the term uses ``contours`` or ``silhouettes`` of ``observed``, which only a search
             computes.

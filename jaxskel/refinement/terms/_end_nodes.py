@@ -5,13 +5,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...body import TIP_PARENTS
 from ...matching import END_NODE_REACH
 from ._base import AbstractTerm, Observed, PlacedBody, number
 
 
 class EndNodeAttraction(AbstractTerm):
-    """Head top, fingertips and toe tips minus their end nodes; zero for a limb without an end node.
+    """Tips, such as head top, fingertips and toe tips, minus their end nodes; zero for a limb without an end node.
 
     Attributes:
         reach: Position of the end node between joint (0) and tip (1).
@@ -22,6 +21,6 @@ class EndNodeAttraction(AbstractTerm):
 
     def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "tips 3"]:
         """Differences between points on the last bones and the end nodes (m)."""
-        joints = body.joints[np.array(TIP_PARENTS)]
+        joints = body.joints[np.array(body.template.tip_parents, np.int32)]
         ends = joints + self.reach * (body.tips - joints)
         return jnp.where(observed.found[:, None], ends - observed.paths[:, -1], 0.0)

@@ -3,30 +3,17 @@
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
-from ...body import JOINT_NAMES, JOINT_PARENTS
-from ...matching import L_FOOT, L_HAND, R_FOOT, R_HAND
+from ...body import SkeletonTemplate
 from ._base import AbstractTerm, Observed, PlacedBody, number
 
-# The attracted bones, by the joint at their end, and the path each belongs to. Hips and shoulders lie beside the
-# centre-line. Head and trunk use a path to a foot, because paths to a hand may leave the trunk early.
-_ATTRACTED = {
-    "neck": L_FOOT, "head": L_FOOT, "l_elbow": L_HAND, "l_hand": L_HAND, "r_elbow": R_HAND, "r_hand": R_HAND,
-    "l_knee": L_FOOT, "l_foot": L_FOOT, "r_knee": R_FOOT, "r_foot": R_FOOT,
-}  # fmt: skip
-# 32 bits, here and below, because JAX mixes up wider constants when float64 is switched on after the first use.
-_ENDS = np.array([JOINT_NAMES.index(name) for name in _ATTRACTED], np.int32)
-_BONES = np.stack([np.array(JOINT_PARENTS, np.int32)[_ENDS], _ENDS], 1)
-_PATHS = np.array(list(_ATTRACTED.values()), np.int32)
-# Positions of samples along the bone. The bone from knee to ball of foot leaves the centre-line, which bends at the
-# ankle, so only its upper part is sampled.
-_PLACES = np.stack([np.linspace(0.0, 0.4, 5) if name.endswith("foot") else np.linspace(0.2, 1.0, 5)
-                    for name in _ATTRACTED]).astype(np.float32)  # fmt: skip
+# Samples on the attracted part of a bone.
+_SAMPLES = 5
 
 
 class GraphAttraction(AbstractTerm):
-    """Samples on each bone minus the closest point of that limb's path, with a robust weight (Geman-McClure).
+    """Samples on each attracted bone minus the closest point of its path, with a robust weight (Geman-McClure).
 
     Attributes:
         scale: Distance (m) beyond which a sample has little weight.
@@ -37,11 +24,12 @@ class GraphAttraction(AbstractTerm):
 
     def correspond(
         self, body: PlacedBody, observed: Observed
-    ) -> tuple[Float[Array, "bones=10 2 2"], Float[Array, "bones=10 2 3"], Float[Array, " bones=10"]]:
+    ) -> tuple[Float[Array, "bones 2 2"], Float[Array, "bones 2 3"], Float[Array, " bones"]]:
         """Closest point and robust weight of each sample, condensed for `residual`: see `_condensed`."""
-        places, ends = _PLACES, body.joints[_BONES]
+        bones, tips, places = _attracted(body.template)
+        ends = body.joints[bones]
         samples = (1 - places)[..., None] * ends[:, :1] + places[..., None] * ends[:, 1:]
-        paths = observed.paths[_PATHS]
+        paths = observed.paths[tips]
         start, along = paths[:, None, :-1], (paths[:, 1:] - paths[:, :-1])[:, None]
         squared = jnp.maximum((along * along).sum(-1), 1e-12)
         part = jnp.clip(((samples[:, :, None] - start) * along).sum(-1) / squared, 0.0, 1.0)
@@ -51,19 +39,29 @@ class GraphAttraction(AbstractTerm):
         closest = jnp.take_along_axis(points, nearest[..., None], 2)[:, :, 0]
         robust = 1 / (1 + jnp.take_along_axis(distance, nearest, 2)[..., 0] / self.scale**2)
         # The root makes the squared norm a mean over the samples of a bone.
-        weights = robust * observed.found[_PATHS][:, None] / np.sqrt(_PLACES.shape[1])
+        weights = robust * observed.found[tips][:, None] / np.sqrt(_SAMPLES)
         return _condensed(weights[..., None] * jnp.stack([1 - places, places], -1), weights[..., None] * closest)
 
     def residual(
         self,
         body: PlacedBody,
         observed: Observed,
-        fixed: tuple[Float[Array, "bones=10 2 2"], Float[Array, "bones=10 2 3"], Float[Array, " bones=10"]],
-    ) -> Float[Array, "bones=10 7"]:
+        fixed: tuple[Float[Array, "bones 2 2"], Float[Array, "bones 2 3"], Float[Array, " bones"]],
+    ) -> Float[Array, "bones 7"]:
         """Seven numbers for each bone; their norm is that of the weighted distances of its samples (m)."""
         triangle, goals, rest = fixed
-        off = (triangle @ body.joints[_BONES] - goals).reshape(-1, 6)
+        off = (triangle @ body.joints[_attracted(body.template)[0]] - goals).reshape(-1, 6)
         return jnp.concatenate([off, rest[:, None]], -1)
+
+
+def _attracted(
+    template: SkeletonTemplate,
+) -> tuple[Int[np.ndarray, "bones 2"], Int[np.ndarray, " bones"], Float[np.ndarray, "bones samples"]]:
+    """Joints at both ends of each attracted bone, the tip whose path it is on, and where on the bone samples lie."""
+    # 32 bits, because JAX mixes up wider constants when float64 is switched on after the first use.
+    ends, tips = (np.array([row[field] for row in template.attracted], np.int32) for field in (0, 1))
+    places = np.stack([np.linspace(row.first, row.last, _SAMPLES) for row in template.attracted])
+    return np.stack([template.point_parents[ends], ends], 1), tips, places.astype(np.float32)
 
 
 def _condensed(

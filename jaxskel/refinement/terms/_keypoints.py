@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..._runtime.kinds import check_kind
-from ...body import SEGMENT_OF_PIVOT, KeypointSet
+from ...body import HUMAN_15, SEGMENT_OF_PIVOT, KeypointSet
 from ...cameras import Cameras
 from ...recording import rotation_to_z_up
 from ._base import AbstractTerm, Observed, PlacedBody, number
@@ -70,6 +70,10 @@ class Keypoints(AbstractTerm):
 
     def _projected(self, body: PlacedBody) -> Float[Array, "cams keypoints 3"]:
         """Homogeneous image coordinates (px m) of all keypoints; the last one is the depth (m)."""
+        if body.template != HUMAN_15:
+            raise ValueError(
+                f"skeleton: is of {body.template.name!r}; keypoint sets are of points of {HUMAN_15.name!r}"
+            )
         points = self.shares @ jnp.concatenate([body.joints, body.tips, body.origins[_PIVOTS]])
         return jnp.einsum("cij,kj->cki", self.matrices[:, :, :3], points) + self.matrices[:, None, :, 3]
 

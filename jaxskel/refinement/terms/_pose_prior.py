@@ -5,10 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...body import SEGMENT_PARENTS, Pose
+from ...body import HUMAN_15, Pose, SkeletonTemplate
 from ._base import AbstractTerm, Observed, PlacedBody, number
 
-_PARENTS = np.array(SEGMENT_PARENTS, np.int32)[1:]
 # Lower bound of a segment's spread (rad), for segments that never turn in the examples.
 _LEAST_SPREAD = 0.05
 
@@ -17,33 +16,35 @@ class PosePrior(AbstractTerm):
     """Relative rotation of each segment minus its mean, divided by its spread. See [`pose_prior`][].
 
     Attributes:
-        usual: Mean rotation of each segment but the pelvis, relative to its parent segment.
+        usual: Mean rotation of each segment but the first, relative to its parent segment.
         spread: Deviation from the mean (rad, root mean square).
     """
 
     needs_graph = False
 
-    usual: Float[Array, "segments=16 3 3"]
-    spread: Float[Array, " segments=16"]
+    usual: Float[Array, "segments 3 3"]
+    spread: Float[Array, " segments"]
     weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
 
-    def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "segments=16 3 3"]:
+    def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "segments 3 3"]:
         """Half the difference of the rotation matrices over the spread; its norm is about angle / (sqrt(2) spread)."""
-        relative = jnp.einsum("ski,skj->sij", body.rotations[_PARENTS], body.rotations[1:])
+        parents = np.array(body.template.segment_parents, np.int32)[1:]
+        relative = jnp.einsum("ski,skj->sij", body.rotations[parents], body.rotations[1:])
         return (relative - self.usual) / (2 * self.spread[:, None, None])
 
 
-def pose_prior(poses: Pose, weight: float = 1.0) -> PosePrior:
+def pose_prior(poses: Pose, weight: float = 1.0, template: SkeletonTemplate = HUMAN_15) -> PosePrior:
     """Make the prior from example poses, such as a few good frames of the same recording.
 
     Args:
         poses: With a leading axis ``frames``.
         weight: Weight of the term.
+        template: That of the skeleton whose poses they are.
     """
     from scipy.spatial.transform import Rotation  # takes a third of a second to import, and is needed here only
 
     rotations = np.asarray(poses.rotations, np.float64)
-    relative = rotations[:, _PARENTS].swapaxes(-1, -2) @ rotations[:, 1:]
+    relative = rotations[:, list(template.segment_parents[1:])].swapaxes(-1, -2) @ rotations[:, 1:]
     seen = [Rotation.from_matrix(relative[:, segment]) for segment in range(relative.shape[1])]
     means = [each.mean() for each in seen]
     angles = np.array([(mean.inv() * each).magnitude() for mean, each in zip(means, seen, strict=True)])

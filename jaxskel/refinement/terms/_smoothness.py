@@ -20,7 +20,7 @@ class Smoothness(AbstractCoupling):
     weight: Float[Array, ""] = eqx.field(converter=number, default=1.0)
     scale: Float[Array, ""] = eqx.field(converter=number, default=10.0)
 
-    def residual(self, before: PlacedBody, body: PlacedBody, after: PlacedBody) -> Float[Array, "points=20 3"]:
+    def residual(self, before: PlacedBody, body: PlacedBody, after: PlacedBody) -> Float[Array, "points 3"]:
         """Accelerations divided by the scale."""
         first, middle, last = (jnp.concatenate([each.joints, each.tips]) for each in (before, body, after))
         return (first - 2 * middle + last) * self.fps**2 / self.scale
