@@ -90,8 +90,7 @@ def live(
         frames = _playback(read_recording(source), fps, loop, seconds)
     rig = frames.rig
     known = rig.skeleton if body is None else body
-    skeleton = rig.skeleton if body is None else body.skeleton
-    template = HUMAN_15 if skeleton is None else skeleton.template
+    template = HUMAN_15 if settings.template is None else settings.template.template
     if target is not None:
         check_avatar(template)
     clock, tally = WallClock(), Tally(rig.fps)
@@ -101,7 +100,7 @@ def live(
         try:
             if target is not None:
                 sinks.append(stack.enter_context(OscSender(*target)))
-            server = None if no_page else stack.enter_context(PoseServer(rig, port, skeleton))
+            server = None if no_page else stack.enter_context(PoseServer(rig, port, settings.template))
             if server is not None:
                 sinks.append(server)
         except ImportError as error:

@@ -31,7 +31,7 @@ class PoseServer:
     Args:
         rig: Cameras, up axis and name of the session.
         port: Port to listen on; 0 for any free one.
-        skeleton: The subject's, if known; if not, it will be the paper's human.
+        skeleton: Of the template of the session's poses; None for the paper's human.
 
     Raises:
         ImportError: websockets is not installed.

@@ -30,10 +30,11 @@ def colours_of(template: SkeletonTemplate) -> UInt8[np.ndarray, "points 3"]:
 def node_labels(template: SkeletonTemplate) -> tuple[str, ...]:
     """What the end nodes, then the inner nodes of a labelled graph are called.
 
-    An end node has the name of the joint that its tip hangs on, or its own where several tips hang there.
+    An end node has the name of the joint that its tip hangs on; its own where that is an inner node, or several tips
+    hang there.
     """
     ends = [
-        template.joint_names[joint] if template.tip_parents.count(joint) == 1 else tip
+        template.joint_names[joint] if joint not in template.inner and template.tip_parents.count(joint) == 1 else tip
         for tip, joint in zip(template.tip_names, template.tip_parents, strict=True)
     ]
     return tuple(_spoken(name) for name in (*ends, *(template.joint_names[joint] for joint in template.inner)))

@@ -42,7 +42,7 @@ def live_page(rig: Recording, skeleton: Skeleton | None, hosts: tuple[str, ...])
 
     Args:
         rig: Cameras, up axis and name; its frames are not looked at.
-        skeleton: The subject's, if known; if not, it will be the paper's human.
+        skeleton: Of the template of the session's poses; None for the paper's human.
         hosts: Names of the server, with its port, that the page may ask for messages.
     """
     origin = (rig.cameras.centres @ rotation_to_z_up(rig.up).T).mean(0)
