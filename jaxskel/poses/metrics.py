@@ -133,6 +133,9 @@ def score(
     Raises:
         ValueError: The arrays have different lengths, or no frame is left.
     """
+    given, count = (poses_joints.shape[1], truth_joints.shape[1]), len(template.joint_names)
+    if given != (count, count):
+        raise ValueError(f"score: {given[0]} and {given[1]} joints, but {template.name} has {count}; give its template")
     return _score(poses_joints, truth_joints, has_pose, threshold, template, template.joint_names, ())
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
-from ..body import HUMAN_15, SkeletonTemplate
+from ..body import SkeletonTemplate
 
 # The same as in the style sheet of the report.
 LEFT, RIGHT, MIDDLE = (0xD9, 0x34, 0x2B), (0x2B, 0x6C, 0xD9), (0x2E, 0x8B, 0x40)
@@ -46,7 +46,7 @@ def _spoken(name: str) -> str:
 
 
 def thickness(template: SkeletonTemplate, points: Float[np.ndarray, "frames points 3"]) -> float:
-    """How thick to draw what has the thickness 1 on the paper's human: as its bones are long.
+    """How thick to draw what has the thickness 1 on a human: as its bones are long.
 
     Args:
         template: What the points are.
@@ -55,4 +55,4 @@ def thickness(template: SkeletonTemplate, points: Float[np.ndarray, "frames poin
     ends, starts = drawn_bones(template).T
     lengths = np.linalg.norm(points[:, ends] - points[:, starts], axis=-1)
     known = lengths[np.isfinite(lengths)]
-    return 1.0 if template == HUMAN_15 or not known.size else float(np.median(known)) / _HUMAN_BONE
+    return 1.0 if template.is_human or not known.size else float(np.median(known)) / _HUMAN_BONE

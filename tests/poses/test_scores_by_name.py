@@ -76,6 +76,12 @@ def test_what_has_no_name_in_common_is_refused():
         score_poses(acting(hand()), moving(24).joints)
 
 
+def test_joints_of_another_template_are_refused():
+    joints = acting(hand()).joints
+    with pytest.raises(ValueError, match="6 and 6 joints, but human-15 has 15; give its template"):
+        score(joints, joints)
+
+
 def test_scores_of_different_joints_are_not_joined():
     one, other = acting(hand()), acting(animal())
     scores = [score_poses(each, each.joints, each.template) for each in (one, other)]

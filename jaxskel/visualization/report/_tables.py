@@ -28,12 +28,15 @@ def facts(recording: Recording, poses: Poses) -> str:
 
 
 def _stature(poses: Poses) -> list[tuple[str, str]]:
-    """How tall the subject is, and how surely where the run found it."""
+    """How tall a person is, and how surely where the run found it; how large any other subject is."""
     if poses.skeleton is None:
         return []
-    what = "stature" if poses.template == HUMAN_15 else "height"
+    if not poses.template.is_human:
+        return [("size", f"{poses.skeleton.size:.2f} m")]
     told = f"{poses.skeleton.stature:.2f} m"
-    return [(what, told if poses.stature_deviation is None else f"{told} ± {poses.stature_deviation:.2f} m, found")]
+    return [
+        ("stature", told if poses.stature_deviation is None else f"{told} ± {poses.stature_deviation:.2f} m, found")
+    ]
 
 
 def bone_lengths(poses: Poses, skeleton: Skeleton | None) -> str:
