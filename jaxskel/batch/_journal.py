@@ -99,7 +99,7 @@ class Journal:
         if self._request not in ("", *texts(self._state, arrays, "request")):
             raise ValueError(f"{self.folder}: the poses are from before they were to be computed again")
         self.frames, self._digest = frames, found
-        self._skeleton = Skeleton(*(arrays[key] for key in _AT_REST), template)
+        self._skeleton = Skeleton(arrays["rest_joints"], arrays["rest_tips"], template)
         there = [key in arrays for key in leaves]
         if any(there) and not all(there):
             raise ValueError(f"{self._state}: a part of the track is lost")
