@@ -23,7 +23,7 @@ _ASIDE = 25.0
 
 
 class Stages(eqx.Module):
-    """Results of each stage for one frame, in a world with z up (m)."""
+    """Results of each stage for one frame, in their own world with z up (m)."""
 
     hull: VisualHulls
     graph: SkeletalGraph
@@ -41,8 +41,8 @@ def stages_of(recording: Recording, prepared: Prepared, settings: Settings, fram
     assert found.seen.hulls is not None
     poses, _ = reconstruct_batch(alone, prepared, settings)
     return Stages(
-        found.seen.hulls, found.labelled.graphs[0], found.labelled.limbs, poses.joints[0] @ prepared.to_z_up.T,
-        poses.template,
+        found.seen.hulls, found.labelled.graphs[0], found.labelled.limbs,
+        prepared.scale * poses.joints[0] @ prepared.to_z_up.T, poses.template,
     )  # fmt: skip
 
 

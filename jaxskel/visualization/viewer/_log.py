@@ -64,7 +64,7 @@ def log_recording(
         stream.set_time("frame", sequence=int(recording.frame_index[row]))
         stream.set_time("time", duration=row / recording.fps)
         log_silhouettes(stream, recording.cameras, found.silhouettes)
-        _log_stages(stream, found, labels, settings.hull.spacing)
+        _log_stages(stream, found, labels, settings.hull.spacing / prepared.scale)
         status = found.status if poses is None else poses.status[place]
         _log_status(stream, int(recording.frame_index[row]), int(status))
         if poses is not None:

@@ -67,7 +67,8 @@ def stages_of_frames(
                 surface, edges, named = surface_centres(seen.hulls, i), _edges(graphs[i]), _named(limbs, i)
             elif refused[frame] and everything is not None:
                 surface = surface_centres(everything, frame)
-            back = prepared.to_z_up
+            # The stages' world may be larger than the recording's.
+            back = prepared.to_z_up / prepared.scale
             status = Status(int(seen.status[frame]))
             yield FrameStages(found.silhouettes[frame], status, surface @ back, edges @ back, named @ back)
 
