@@ -20,8 +20,9 @@ from pathlib import Path
 import numpy as np
 from _batch_runs import break_some, family, film, resident, started, timed
 
-from jaxskel.batch._journal import ROW_BYTES
+from jaxskel.batch._journal import row_of
 from jaxskel.batch._manifest import read_manifest
+from jaxskel.body import HUMAN_15
 
 
 def survive(work: Path, recordings: int, kills: int, options: list[str]) -> bool:
@@ -81,7 +82,7 @@ def memory(work: Path, recording: Path, options: list[str]) -> None:
         total = len(arrays["frame_index"])
 
     def frames() -> int:
-        return rows.stat().st_size // ROW_BYTES if rows.exists() else 0
+        return rows.stat().st_size // row_of(HUMAN_15).itemsize if rows.exists() else 0
 
     def watch(until: int) -> int:
         """Number of frames done when it ends."""

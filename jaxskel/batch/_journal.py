@@ -11,20 +11,16 @@ import jax
 import numpy as np
 
 from .._runtime.atomic_files import written_whole
-from ..body import Pose, Skeleton
+from ..body import HUMAN_15, Pose, Skeleton, SkeletonTemplate, default_adult
 from ..io.files import numbers, read_arrays, texts
+from ..io.recordings import template_of
 from ..poses import Poses
 from ..search import Track
 from ._disk import remove_unfinished
 
-_ROW = np.dtype([
-    ("joints", "<f4", (15, 3)), ("tips", "<f4", (5, 3)), ("rotations", "<f4", (17, 3, 3)),
-    ("covariance", "<f4", (15, 3, 3)), ("confidence", "<f4", (15,)), ("side_confidence", "<f4"), ("status", "<i8"),
-    ("frame_index", "<i8"),
-])  # fmt: skip
-ROW_BYTES = _ROW.itemsize
 _ROWS, _STATE = "rows.bin", "state.npz"
-_NOWHERE = Pose(np.zeros(3), np.zeros((17, 3, 3)))
+_AT_REST = ("rest_joints", "rest_tips")  # of the skeleton
+_NOWHERE = Pose(np.zeros(3), np.zeros((len(HUMAN_15.segment_names), 3, 3)))
 _TRACK = jax.tree.structure(Track(_NOWHERE, _NOWHERE, 0, np.zeros(0)))
 
 
@@ -47,7 +43,7 @@ class Journal:
         self._rows, self._state = folder / _ROWS, folder / _STATE
         self._request = request
         self._work = hashlib.sha256(work.encode(errors="surrogateescape")).hexdigest()
-        self.frames, self._digest, self.track = 0, 0, None
+        self.frames, self._digest, self.track, self._skeleton = 0, 0, None, default_adult()
         try:
             self._resume()
         except (OSError, ValueError):
@@ -55,12 +51,14 @@ class Journal:
             discard_journal(folder)
             folder.mkdir(parents=True, exist_ok=True)
         with open(self._rows, "ab") as file:
-            file.truncate(self.frames * _ROW.itemsize)
+            file.truncate(self.frames * row_of(self._skeleton.template).itemsize)
 
     def append(self, poses: Poses, track: Track | None) -> None:
         """Add the next frames, and what the ones after them go on with."""
-        rows = np.zeros(len(poses), _ROW)
-        for name in _ROW.names or ():
+        if poses.skeleton is not None:
+            self._skeleton = poses.skeleton
+        rows = np.zeros(len(poses), row_of(poses.template))
+        for name in rows.dtype.names or ():
             rows[name] = getattr(poses, name)
         content = rows.tobytes()
         with open(self._rows, "ab") as file:
@@ -70,33 +68,38 @@ class Journal:
         self.track = track
         state: dict[str, Any] = {"work": self._work, "frames": self.frames, "digest": str(self._digest)}
         state["request"] = self._request
+        state |= {key: np.asarray(getattr(self._skeleton, key)) for key in _AT_REST}
+        state["template"] = self._skeleton.template.text
         if track is not None:
             state |= {f"track{i}": leaf for i, leaf in enumerate(jax.tree.leaves(track))}
         with written_whole(self._state) as file:
             np.savez(file, **state)
 
-    def poses(self, fps: float, up: str, skeleton: Skeleton, stature_deviation: float | None) -> Poses:
-        """All poses so far, of this template (m)."""
-        rows = np.fromfile(self._rows, _ROW)
+    def poses(self, fps: float, up: str, stature_deviation: float | None) -> Poses:
+        """All poses so far."""
+        skeleton = self._skeleton
+        rows = np.fromfile(self._rows, row_of(skeleton.template))
         return Poses(
-            **{name: rows[name] for name in _ROW.names or ()}, fps=fps, up=up, skeleton=skeleton,
-            stature_deviation=stature_deviation,
+            **{name: rows[name] for name in rows.dtype.names or ()}, fps=fps, up=up, skeleton=skeleton,
+            stature_deviation=stature_deviation, template=skeleton.template,
         )  # fmt: skip
 
     def _resume(self) -> None:
         leaves = tuple(f"track{i}" for i in range(_TRACK.num_leaves))
-        arrays = read_arrays(self._state, ("work", "request", "frames", "digest"), leaves)
-        frames = int(numbers(self._state, arrays, "frames", ()))
+        arrays = read_arrays(self._state, ("work", "request", "frames", "digest", "template", *_AT_REST), leaves)
+        frames, template = int(numbers(self._state, arrays, "frames", ())), template_of(self._state, arrays)
+        size = row_of(template).itemsize
         with open(self._rows, "rb") as file:
             found = 0
             for _ in range(frames):
-                found = zlib.crc32(file.read(_ROW.itemsize), found)
+                found = zlib.crc32(file.read(size), found)
         written = [*texts(self._state, arrays, "work"), *texts(self._state, arrays, "digest")]
         if written != [self._work, str(found)]:
             raise ValueError(f"{self.folder}: the poses of other work, or damaged ones")
         if self._request not in ("", *texts(self._state, arrays, "request")):
             raise ValueError(f"{self.folder}: the poses are from before they were to be computed again")
         self.frames, self._digest = frames, found
+        self._skeleton = Skeleton(arrays["rest_joints"], arrays["rest_tips"], template)
         there = [key in arrays for key in leaves]
         if any(there) and not all(there):
             raise ValueError(f"{self._state}: a part of the track is lost")
@@ -104,6 +107,16 @@ class Journal:
             track = jax.tree.unflatten(_TRACK, [arrays[key] for key in leaves])
             # Numbers that were Python's are so again: JAX compiles anew for others.
             self.track = replace(track, since=int(track.since), sides=float(track.sides))
+
+
+def row_of(template: SkeletonTemplate) -> np.dtype:
+    """What is kept of each frame."""
+    joints, tips, segments = len(template.joint_names), len(template.tip_names), len(template.segment_names)
+    return np.dtype([
+        ("joints", "<f4", (joints, 3)), ("tips", "<f4", (tips, 3)), ("rotations", "<f4", (segments, 3, 3)),
+        ("covariance", "<f4", (joints, 3, 3)), ("confidence", "<f4", (joints,)), ("side_confidence", "<f4"),
+        ("status", "<i8"), ("frame_index", "<i8"),
+    ])  # fmt: skip
 
 
 def discard_journal(folder: Path) -> None:

@@ -158,7 +158,7 @@ def _reconstructed(
             journal.append(poses, track)
             on_frames(journal.frames, len(recording))
     with _timed(seconds, "write"):
-        poses = journal.poses(recording.fps, recording.up, prepared.skeleton, prepared.stature_deviation)
+        poses = journal.poses(recording.fps, recording.up, prepared.stature_deviation)
         if method.smooth_hz is not None:
             poses = smooth(poses, method.smooth_hz)
         told = advice(poses, recording)

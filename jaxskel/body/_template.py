@@ -178,6 +178,17 @@ class SkeletonTemplate:
         return _mirror(self.tip_names)
 
     @cached_property
+    def limb_pairs(self) -> Int[np.ndarray, "pairs 2"]:
+        """Left and right joint where each pair of limbs begins: shoulders and hips of a human."""
+        pairs = [
+            (left, right)
+            for left, right in enumerate(self.mirror_joints.tolist())
+            if self.joint_names[left].startswith("l_") and left != right
+            if self.joint_parents[left] == self.joint_parents[right]
+        ]
+        return _indices(pairs).reshape(-1, 2)
+
+    @cached_property
     def origins(self) -> Int[np.ndarray, " segments"]:
         """The point that each segment turns about: an index into joints, then pivots."""
         found = np.full(len(self.segment_names), -1, np.int32)
@@ -243,11 +254,10 @@ def template_of_text(text: str) -> SkeletonTemplate:
     try:
         given = json.loads(text)
         known = {field.name: _tuples(given[field.name]) for field in fields(SkeletonTemplate)}
+        for name, kind in (("pivots", Pivot), ("hinges", Hinge), ("attracted", Attraction)):
+            known[name] = tuple(kind(*row) for row in known[name])
     except (ValueError, TypeError, KeyError) as error:
         raise ValueError("the text describes no template of a skeleton: read a file that was not changed") from error
-    known["pivots"] = tuple(Pivot(*row) for row in known["pivots"])
-    known["hinges"] = tuple(Hinge(*row) for row in known["hinges"])
-    known["attracted"] = tuple(Attraction(*row) for row in known["attracted"])
     return SkeletonTemplate(**known)
 
 

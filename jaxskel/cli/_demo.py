@@ -12,7 +12,7 @@ from .._runtime.picture_files import write_image
 from ..io.poses import write_poses
 from ..io.recordings import write_recording
 from ..pipeline import Settings
-from ..poses import score, score_table
+from ..poses import Poses, score_poses, score_table
 from ..recording import Recording, unpack_silhouettes
 from ..synthetic import camera_ring, make_scene
 from ..visualization import draw_silhouette, draw_skeleton, tile
@@ -46,9 +46,9 @@ def demo(
     poses, prepared = reconstruct_with_progress(recording, Settings(), times)
     write_poses(output, poses)
     assert recording.truth is not None
-    result = score(poses.joints.astype(np.float64), recording.truth.joints, poses.has_pose)
+    result = score_poses(poses, recording.truth.joints, recording.truth.template)
     write_score(output, result)
-    write_image(output / "views.png", _views(recording, poses.joints))
+    write_image(output / "views.png", _views(recording, poses))
     from ..visualization.figures import plot_stages, telling_frame
 
     frame = telling_frame(poses) if poses.has_pose.any() else 0
@@ -75,7 +75,7 @@ def _speed(times: StageTimes) -> Table:
     return table
 
 
-def _views(recording: Recording, joints: np.ndarray) -> np.ndarray:
+def _views(recording: Recording, poses: Poses) -> np.ndarray:
     """Skeletons over the silhouettes: frames from left to right, two views of each."""
     chosen = np.unique(np.linspace(0, len(recording) - 1, 6).astype(int))
     images, labels = [], []
@@ -84,7 +84,7 @@ def _views(recording: Recording, joints: np.ndarray) -> np.ndarray:
             w, h = recording.cameras.size[view]
             mask = unpack_silhouettes(recording.silhouettes[frame, view], 8 * recording.silhouettes.shape[3])
             image = draw_silhouette(mask)[:h, :w].copy()
-            draw_skeleton(image, recording.cameras, view, joints[frame])
+            draw_skeleton(image, recording.cameras, view, poses.joints[frame], poses.template)
             images.append(image)
             labels.append(f"frame {frame}, {recording.cameras.names[view]}")
     return tile(images, labels, columns=len(chosen), width=320)

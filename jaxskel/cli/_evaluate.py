@@ -4,14 +4,13 @@ import json
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 from rich.console import Console
 
 from .._runtime.atomic_files import written_whole
 from ..io.poses import read_poses, read_truth
-from ..poses import Poses, Score, score, score_table
-from ..recording import Truth, rows_by_index
+from ..poses import Score, score_poses, score_table
+from ..recording import rows_by_index
 from ._outputs import check_output
 from ._poseless import end_without_pose
 from ._say import say
@@ -31,17 +30,15 @@ def evaluate(
     true, up, index = read_truth(truth)
     if up != estimated.up:
         raise ValueError(f"{truth}: up is {up} but {poses} has {estimated.up}; give both in the same world")
-    result = score_poses(estimated, true, index, str(truth))
+    rows = rows_by_index(str(truth), index, estimated)
+    try:
+        result = score_poses(estimated, true.joints[rows], true.template)
+    except ValueError as error:
+        raise ValueError(f"{truth}: {error}") from None
     Console().print(score_table({poses.parent.name or poses.stem: result}))
     if output is not None:
         say(f"{write_score(output, result)}: {len(result)} frames scored")
     end_without_pose(poses, estimated)
-
-
-def score_poses(poses: Poses, truth: Truth, index: np.ndarray, source: str) -> Score:
-    """Score the frames that both have, matched by frame number."""
-    rows = rows_by_index(source, index, poses)
-    return score(poses.joints.astype(np.float64), truth.joints[rows], poses.has_pose)
 
 
 def write_score(folder: Path, result: Score) -> Path:

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from ..body import BODY_25, BODY_25B, COCO_17, H36M_17, HALPE_26, HUMAN_15, KeypointSet
 from ..io.poses import (
     read_poses,
     with_up,
@@ -12,6 +13,7 @@ from ..io.poses import (
     write_archive,
     write_bvh,
     write_c3d,
+    write_keypoint_table,
     write_mot,
     write_table,
     write_trc,
@@ -36,6 +38,7 @@ _KINDS = {
 _DEVIATIONS = ".sigma.trc"
 # Names with this end are tables of joint angles.
 _ANGLES = "angles.csv"
+_KEYPOINT_SETS = {each.name: each for each in (COCO_17, BODY_25, BODY_25B, HALPE_26, H36M_17)}
 
 
 def export(
@@ -60,6 +63,13 @@ def export(
     millimetres: Annotated[
         bool, typer.Option("--millimetres", help="Millimetres instead of metres in a .trc, which names its unit.")
     ] = False,
+    keypoints: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SET",
+            help=f"Keypoints instead of joints and tips, in a .trc, .c3d or .csv: {', '.join(_KEYPOINT_SETS)}.",
+        ),
+    ] = None,
 ) -> None:
     """Write poses as TRC, MOT, C3D, BVH, CSV or NPZ, for other programs to open."""
     for output in outputs:
@@ -72,34 +82,54 @@ def export(
         raise ValueError("--millimetres: only a .trc may hold metres or millimetres; leave it out")
     if up not in (None, "+Y") and any(output.suffix.lower() == ".mot" for output in outputs):
         raise ValueError(f"--up {up}: OpenSim's motions have +Y up; write the .mot by itself, without --up")
+    keypoint_set = None if keypoints is None else _keypoint_set(keypoints, outputs)
     for output in outputs:
         check_output_file(output, [poses])
     found = read_poses(poses)
     motions = [output for output in outputs if output.suffix.lower() in (".bvh", ".mot")]
     if motions and not found.has_pose.any():
         raise ValueError(f"{motions[0]}: no frame has a pose: there is no motion to write")
-    if (motions or any(map(_is_angles, outputs))) and found.rotations is None:
+    angles = [output for output in outputs if _is_angles(output) or output.suffix.lower() == ".mot"]
+    if angles and found.template != HUMAN_15 and not found.template.hinges:
+        raise ValueError(f"{angles[0]}: the skeleton of {poses} has no hinges, so there are no angles; leave it out")
+    if keypoint_set is not None and found.template != HUMAN_15:
+        raise ValueError(f"--keypoints {keypoints}: is of a human, and {poses} of {found.template.name}; leave it out")
+    if (motions or angles or keypoint_set is not None) and found.rotations is None:
         raise ValueError(f"{poses}: holds no rotations, because an older version wrote it; reconstruct again")
     deviations = [output for output in outputs if output.name.lower().endswith(_DEVIATIONS)]
     if deviations and found.covariance is None:
         raise ValueError(f"{poses}: has no covariances for {deviations[0]}; run again, with the default preset")
     for output in outputs:
-        say(f"{output}: {len(found)} frames at {found.fps:g} fps, {_write(output, found, up, millimetres)}")
+        told = _write(output, found, up, millimetres, keypoint_set)
+        say(f"{output}: {len(found)} frames at {found.fps:g} fps, {told}")
     end_without_pose(poses, found)
+
+
+def _keypoint_set(name: str, outputs: list[Path]) -> KeypointSet:
+    if name not in _KEYPOINT_SETS:
+        raise ValueError(f"--keypoints {name}: give one of {', '.join(_KEYPOINT_SETS)}")
+    for output in outputs:
+        other = output.name.lower().endswith((_DEVIATIONS, _ANGLES))
+        if other or output.suffix.lower() not in (".trc", ".c3d", ".csv"):
+            raise ValueError(f"--keypoints {name}: {output} cannot hold them; write it by itself, without --keypoints")
+    return _KEYPOINT_SETS[name]
 
 
 def _is_angles(output: Path) -> bool:
     return output.name.lower().endswith(_ANGLES)
 
 
-def _write(output: Path, poses: Poses, up: str | None, millimetres: bool) -> str:
+def _write(output: Path, poses: Poses, up: str | None, millimetres: bool, keypoint_set: KeypointSet | None) -> str:
     """Write one file; return its unit, its up axis, and how frames without a pose are written."""
     gaps = int((~poses.has_pose).sum())
     kind = output.suffix.lower()
     if kind == ".trc":
         up = up or "+Y"
         deviations = output.name.lower().endswith(_DEVIATIONS)
-        (write_trc_deviations if deviations else write_trc)(output, poses, up=up, millimetres=millimetres)
+        if deviations:
+            write_trc_deviations(output, poses, up=up, millimetres=millimetres)
+        else:
+            write_trc(output, poses, up=up, millimetres=millimetres, keypoint_set=keypoint_set)
         what = "standard deviations, " if deviations else ""
         return f"{what}{'mm' if millimetres else 'm'}, {up} up; {gaps} without a pose: empty cells"
     if kind == ".mot":
@@ -111,7 +141,7 @@ def _write(output: Path, poses: Poses, up: str | None, millimetres: bool) -> str
     if kind == ".c3d":
         up = up or "+Z"
         try:
-            write_c3d(output, poses, up=up)
+            write_c3d(output, poses, up=up, keypoint_set=keypoint_set)
         except ImportError as error:
             raise ValueError(f"{output}: {error}") from None
         return f"mm, {up} up; {gaps} without a pose: residual -1"
@@ -124,5 +154,8 @@ def _write(output: Path, poses: Poses, up: str | None, millimetres: bool) -> str
     if kind == ".npz":
         write_archive(output, with_up(poses, up))
         return f"m, {up} up; {gaps} without a pose: NaN"
-    write_table(output, with_up(poses, up))
+    if keypoint_set is None:
+        write_table(output, with_up(poses, up))
+    else:
+        write_keypoint_table(output, with_up(poses, up), keypoint_set)
     return f"m, {up} up; {gaps} without a pose: empty cells"

@@ -14,6 +14,7 @@ import typer
 from rich.console import Console
 from rich.progress import Progress, TextColumn
 
+from ..body import HUMAN_15
 from ..io.poses import JOURNAL_FILE, PosesJournal, read_poses, write_poses
 from ..io.recordings import has_cameras, read_recording, read_rig
 from ..io.subjects import read_body
@@ -28,6 +29,7 @@ from ..live import (
     Source,
     Tally,
     WallClock,
+    check_avatar,
     play,
 )
 from ..pipeline import HullSettings, Stream, warm_up
@@ -88,6 +90,9 @@ def live(
         frames = _playback(read_recording(source), fps, loop, seconds)
     rig = frames.rig
     known = rig.skeleton if body is None else body
+    template = HUMAN_15 if settings.template is None else settings.template.template
+    if target is not None:
+        check_avatar(template)
     clock, tally = WallClock(), Tally(rig.fps)
     failed: Exception | None = None
     with ExitStack() as stack:
@@ -95,7 +100,7 @@ def live(
         try:
             if target is not None:
                 sinks.append(stack.enter_context(OscSender(*target)))
-            server = None if no_page else stack.enter_context(PoseServer(rig, port))
+            server = None if no_page else stack.enter_context(PoseServer(rig, port, settings.template))
             if server is not None:
                 sinks.append(server)
         except ImportError as error:
@@ -103,7 +108,7 @@ def live(
         with Console(stderr=True).status("compiling"):
             warm_up(rig.cameras, settings, known)
         stream = stack.enter_context(Stream(rig.cameras, settings, known, rig.up, rig.fps))
-        journal = PosesJournal(output / JOURNAL_FILE, rig.fps, rig.up)
+        journal = PosesJournal(output / JOURNAL_FILE, rig.fps, rig.up, template)
         stack.callback(journal.close)
         stack.enter_context(_stopped_by_signals(clock))
         if server is not None:

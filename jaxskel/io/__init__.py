@@ -37,6 +37,7 @@ from .poses import read_truth as read_truth
 from .poses import write_angles as write_angles
 from .poses import write_bvh as write_bvh
 from .poses import write_c3d as write_c3d
+from .poses import write_keypoint_table as write_keypoint_table
 from .poses import write_mot as write_mot
 from .poses import write_poses as write_poses
 from .poses import write_table as write_table

@@ -24,3 +24,4 @@ from ._vmc import BONE_NAMES as BONE_NAMES
 from ._vmc import BONE_PARENTS as BONE_PARENTS
 from ._vmc import Bones as Bones
 from ._vmc import bones_of as bones_of
+from ._vmc import check_avatar as check_avatar

@@ -11,6 +11,7 @@ from threading import Condition, Thread
 from types import TracebackType
 from typing import Any
 
+from ..body import Skeleton
 from ..poses import Poses
 from ..recording import Recording
 from ..visualization.report import live_page
@@ -30,13 +31,14 @@ class PoseServer:
     Args:
         rig: Cameras, up axis and name of the session.
         port: Port to listen on; 0 for any free one.
+        skeleton: Of the template of the session's poses; None for the paper's human.
 
     Raises:
         ImportError: websockets is not installed.
         ValueError: The port is taken.
     """
 
-    def __init__(self, rig: Recording, port: int = 0):
+    def __init__(self, rig: Recording, port: int = 0, skeleton: Skeleton | None = None):
         try:
             from websockets.exceptions import ConnectionClosed
             from websockets.sync.server import serve
@@ -59,7 +61,7 @@ class PoseServer:
         self._hosts = tuple(f"{name}:{port}" for name in (_LOOPBACK, "localhost"))
         self.address = f"http://{self._hosts[0]}/"
         """Where the page is."""
-        self._page = live_page(rig, self._hosts)
+        self._page = live_page(rig, skeleton, self._hosts)
         self._thread = Thread(target=self._server.serve_forever, daemon=True)
         self._thread.start()
 

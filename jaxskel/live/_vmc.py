@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from ..body import Pose
+from ..body import HUMAN_15, Pose, SkeletonTemplate
 from ..io.poses import RIG, TPose, rig_from, t_pose_of, with_up
 from ..poses import Poses
 
@@ -56,7 +56,11 @@ def bones_of(poses: Poses, start: TPose | None = None) -> Bones | None:
     Args:
         poses: One frame or more. Lengths are those of the template `poses.skeleton`.
         start: The template's T-pose, if it has been made before.
+
+    Raises:
+        ValueError: The template is not the paper's human.
     """
+    check_avatar(poses.template)
     if poses.rotations is None or poses.skeleton is None or not poses.has_pose[0]:
         return None
     standing = with_up(poses, "+Z")
@@ -68,3 +72,15 @@ def bones_of(poses: Poses, start: TPose | None = None) -> Bones | None:
     positions = rig.offsets[_ROWS] @ _TO_UNITY.T
     positions[0] = _TO_UNITY @ rig.root[0]
     return Bones(positions, Rotation.from_matrix(local).as_quat(canonical=True))
+
+
+def check_avatar(template: SkeletonTemplate) -> None:
+    """Refuse a template that has no avatar.
+
+    Raises:
+        ValueError: The template is not the paper's human.
+    """
+    if template != HUMAN_15:
+        raise ValueError(
+            f"template: {template.name} has no bones of an avatar, as VMC knows humans only; leave out --osc"
+        )

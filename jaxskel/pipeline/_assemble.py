@@ -85,7 +85,7 @@ def assemble(
         confidence[done], sides[done] = uncertainty.confidence[fitted], start.sides[fitted]
     poses = Poses(
         joints, tips, rotations, skeleton.scaled(1 / frames.scale), confidence, sides, status, frames.fps, frames.up,
-        frames.frame_index, covariance, stature_deviation,
+        frames.frame_index, covariance, stature_deviation, skeleton.template,
     )  # fmt: skip
     return poses if frames.template is None else carried(poses, frames.template)
 

@@ -31,6 +31,7 @@ def carried(poses: Poses, template: SkeletonTemplate) -> Poses:
     beside = np.concatenate([np.arange(len(HUMAN_15.joint_names)), HUMAN_15.tip_parents, JOINT_OF_PIVOT]).astype(int)
     return replace(
         poses,
+        template=template,
         joints=points[:, :joints],
         tips=points[:, joints:],
         rotations=poses.rotations[:, carriers_of(template)],

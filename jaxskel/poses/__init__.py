@@ -17,4 +17,5 @@ from .metrics import CURVE_THRESHOLDS_MM as CURVE_THRESHOLDS_MM
 from .metrics import LIMBS as LIMBS
 from .metrics import Score as Score
 from .metrics import score as score
+from .metrics import score_poses as score_poses
 from .metrics import score_table as score_table

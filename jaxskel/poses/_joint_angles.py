@@ -8,6 +8,8 @@ Each segment has axes that ISB calls X (front), Y (up) and Z (to the right), par
 neutral posture. A joint's angles are those of the Cardan sequence Z-X'-Y'': flexion about Z of the proximal segment,
 then ab- or adduction about the floating axis, then axial rotation about Y of the distal one. A left joint's angles are
 those of the mirrored right joint.
+
+All this is said of the paper's human. Of any other template, the flexion of its hinges is told.
 """
 
 from dataclasses import dataclass
@@ -17,7 +19,7 @@ from jaxtyping import Float
 
 from .._math.euler import to_zxy
 from .._math.up_axes import rotation_to_z_up
-from ..body import SEGMENT_NAMES, neutral_posture
+from ..body import HUMAN_15, SEGMENT_NAMES, Skeleton, hinge_axes, neutral_posture
 from ._poses import Poses
 
 # Rows: the axes X, Y and Z of ISB in the body frame (x to the front, y to the left, z up).
@@ -75,8 +77,10 @@ class JointAngles:
     """Joint angles of all frames.
 
     Attributes:
-        names: `ANGLE_NAMES`; the page on conventions says what is positive.
-        values: Angles (rad), zero in the neutral posture; NaN in a frame without a pose.
+        names: `ANGLE_NAMES` of the paper's human; the page on conventions says what is positive. Of any other template,
+            ``<joint>_flexion`` of each hinge.
+        values: Angles (rad), zero in the neutral posture, flexions where the bones are in line; NaN in a frame without
+            a pose.
     """
 
     names: tuple[str, ...]
@@ -94,18 +98,43 @@ def joint_angles(poses: Poses) -> JointAngles:
     count whole turns. Where a joint's
     second angle is a right angle (an arm straight to the side), its first and third cannot be told apart (gimbal lock).
 
+    Of any template but the paper's human, these are the flexions of its hinges, each between the bones that meet there,
+    positive to where the hinge bends to.
+
     Raises:
-        ValueError: The poses hold no rotations.
+        ValueError: The poses hold no rotations, or the template has no hinges.
     """
     rotations = np.asarray(poses.pose.rotations, np.float64)
     if poses.skeleton is None:
         raise ValueError("the poses hold rotations, but no skeleton that they refer to; reconstruct again")
+    if poses.template != HUMAN_15:
+        return _flexions(rotations, poses.skeleton)
     known = poses.has_pose
     values = np.full((len(poses), len(ANGLE_NAMES)), np.nan)
     if known.any():
         upright = rotation_to_z_up(poses.up) @ rotations[known]
         values[known] = _angles(upright @ neutral_posture(poses.skeleton).swapaxes(-1, -2))
     return JointAngles(ANGLE_NAMES, values)
+
+
+def _flexions(rotations: Float[np.ndarray, "frames segments 3 3"], skeleton: Skeleton) -> JointAngles:
+    template, rest = skeleton.template, np.asarray(skeleton.rest_joints, np.float64)
+    if not template.hinges:
+        raise ValueError(f"template: {template.name} has no hinges, so there are no joint angles; leave them out")
+    joints, outer, ends = np.array([hinge[:3] for hinge in template.hinges]).T
+    inner = np.array(template.segment_parents)[outer]
+    points = np.concatenate([rest, skeleton.rest_tips, skeleton.pivots])
+    upper, lower, axes = (
+        np.einsum("fhij,hj->fhi", rotations[:, segments], bones)
+        for segments, bones in (
+            (inner, rest[joints] - rest[template.point_parents[joints]]),
+            (outer, points[ends] - rest[joints]),
+            (inner, np.asarray(hinge_axes(skeleton), np.float64)),
+        )
+    )
+    angles = np.arctan2((axes * np.cross(upper, lower)).sum(-1), (upper * lower).sum(-1))
+    angles = np.where(angles < -np.pi / 2, angles + 2 * np.pi, angles)  # folded beyond half a turn
+    return JointAngles(tuple(f"{template.joint_names[joint]}_flexion" for joint in joints), angles)
 
 
 def _angles(rotations: Float[np.ndarray, "frames segments=17 3 3"]) -> Float[np.ndarray, "frames angles"]:

@@ -5,11 +5,10 @@ from functools import partial
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from .._math.vectors import unit
 from .._runtime.kinds import check_kind
-from ..body import JOINT_PARENTS, TIP_PARENTS
 from ._poses import Poses
 from ._smooth_rotations import filtered_poses
 
@@ -44,10 +43,10 @@ def smooth(poses: Poses, cutoff: float) -> Poses:
         if stop - start > _SHORTEST:
             part = slice(start, stop)
             if rotations is None or poses.skeleton is None:
-                points[part] = _filtered_bones(points[part], low)
+                points[part] = _filtered_bones(points[part], poses.template.point_parents, low)
             else:
                 points[part], rotations[part] = filtered_poses(points[part], rotations[part], poses.skeleton, low)
-    count = len(JOINT_PARENTS)
+    count = len(poses.template.joint_names)
     joints, tips = points[:, :count].astype(np.float32), points[:, count:].astype(np.float32)
     turns = None if rotations is None else rotations.astype(np.float32)
     return eqx.tree_at(
@@ -56,11 +55,13 @@ def smooth(poses: Poses, cutoff: float) -> Poses:
 
 
 def _filtered_bones(
-    points: Float[np.ndarray, "frames points=20 3"], low: Callable[[np.ndarray], np.ndarray]
-) -> Float[np.ndarray, "frames points=20 3"]:
+    points: Float[np.ndarray, "frames points 3"],
+    parents: Int[np.ndarray, " points"],
+    low: Callable[[np.ndarray], np.ndarray],
+) -> Float[np.ndarray, "frames points 3"]:
     """Filter directions and lengths of the bones, where rotations are not known."""
     new = np.empty_like(points)
-    for point, parent in enumerate(JOINT_PARENTS + TIP_PARENTS):
+    for point, parent in enumerate(parents.tolist()):
         if parent < 0:
             new[:, point] = low(points[:, point])
             continue

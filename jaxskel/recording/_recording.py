@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 
 from .._math.up_axes import rotation_to_z_up
 from .._runtime.kinds import told
-from ..body import Skeleton
+from ..body import HUMAN_15, Skeleton, SkeletonTemplate
 from ..cameras import Cameras
 from ._silhouettes import Silhouettes
 
@@ -20,10 +20,31 @@ class Truth(eqx.Module):
     Attributes:
         joints: Joints in the recording's world (m).
         tips: Limb tips in the recording's world (m).
+        template: What these joints and tips are; the subject's skeleton may be of another template.
+
+    Raises:
+        ValueError: The template has another number of joints or tips.
     """
 
     joints: Float[np.ndarray, "frames joints 3"]
     tips: Float[np.ndarray, "frames tips 3"] | None = None
+    template: SkeletonTemplate = eqx.field(static=True, default=HUMAN_15)
+
+    def __check_init__(self):
+        """Reject a template of other points."""
+        for key, points, names in (
+            ("joints", self.joints, self.template.joint_names),
+            ("tips", self.tips, self.template.tip_names),
+        ):
+            if points is not None and points.shape[1] != len(names):
+                raise ValueError(
+                    f"{key}: are {points.shape[1]}, but the template {self.template.name} has {len(names)}; give the "
+                    "template that they are of"
+                )
+
+    def __getitem__(self, index: slice | Int[np.ndarray, " some"]) -> "Truth":
+        """The frames of a slice, or those of some indices."""
+        return replace(self, joints=self.joints[index], tips=None if self.tips is None else self.tips[index])
 
 
 class Recording(eqx.Module):
@@ -82,9 +103,7 @@ class Recording(eqx.Module):
 
     def __getitem__(self, index: slice | Int[np.ndarray, " some"]) -> "Recording":
         """The frames of a slice, or those of some indices."""
-        truth = self.truth
-        if truth is not None:
-            truth = Truth(truth.joints[index], None if truth.tips is None else truth.tips[index])
+        truth = None if self.truth is None else self.truth[index]
         data = {name: array[index] for name, array in self.data.items()}
         return replace(
             self, silhouettes=self.silhouettes[index], frame_index=self.frame_index[index], truth=truth, data=data

@@ -104,6 +104,6 @@ def make_scene(
         up="+Z",
         frame_index=np.arange(len(ends)),
         skeleton=skeleton,
-        truth=Truth(np.asarray(joints, np.float64), np.asarray(tips, np.float64)),
+        truth=Truth(np.asarray(joints, np.float64), np.asarray(tips, np.float64), skeleton.template),
         name="synthetic",
     )

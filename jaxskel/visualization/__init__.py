@@ -9,8 +9,9 @@ from ._overlays import draw_hull as draw_hull
 from ._overlays import draw_silhouette as draw_silhouette
 from ._overlays import draw_skeleton as draw_skeleton
 from ._overlays import tile as tile
-from ._skeleton_style import BONES as BONES
-from ._skeleton_style import COLOURS as COLOURS
 from ._skeleton_style import LEFT as LEFT
-from ._skeleton_style import POINT_NAMES as POINT_NAMES
 from ._skeleton_style import RIGHT as RIGHT
+from ._skeleton_style import colours_of as colours_of
+from ._skeleton_style import drawn_bones as drawn_bones
+from ._skeleton_style import node_labels as node_labels
+from ._skeleton_style import thickness as thickness

@@ -7,9 +7,10 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from .._runtime.picture_files import write_image as write_image
+from ..body import HUMAN_15, SkeletonTemplate
 from ..cameras import Cameras, project
 from ..hull import VoxelGrid
-from ._skeleton_style import COLOURS, JOINT_BONES
+from ._skeleton_style import colours_of, drawn_joint_bones
 
 Image = UInt8[np.ndarray, "h w 3"]
 
@@ -27,15 +28,22 @@ def draw_hull(image: Image, hull: Bool[np.ndarray, "h w"]) -> None:
     image[hull] = (0.6 * image[hull] + 0.4 * np.array(HULL)).astype(np.uint8)
 
 
-def draw_skeleton(image: Image, cameras: Cameras, view: int, joints: Float[np.ndarray, "joints 3"]) -> None:
-    """Draw the bones of a pose (world, m); a pose of NaN leaves the image unchanged."""
+def draw_skeleton(
+    image: Image,
+    cameras: Cameras,
+    view: int,
+    joints: Float[np.ndarray, "joints 3"],
+    template: SkeletonTemplate = HUMAN_15,
+) -> None:
+    """Draw the bones of a pose of a template (world, m); a pose of NaN leaves the image unchanged."""
     if not np.isfinite(joints).all():
         return
     u, v, _ = (np.asarray(a[0]) for a in project(cameras[[view]], np.asarray(joints, np.float64)))
     thickness = max(1, image.shape[0] // 160)
-    for joint, parent in JOINT_BONES.tolist():
+    colours = colours_of(template).tolist()
+    for joint, parent in drawn_joint_bones(template).tolist():
         if np.isfinite([u[joint], v[joint], u[parent], v[parent]]).all():
-            red, green, blue = COLOURS[joint].tolist()
+            red, green, blue = colours[joint]
             _line(image, (u[joint], v[joint]), (u[parent], v[parent]), (blue, green, red), thickness)
     for joint in range(len(joints)):
         if np.isfinite([u[joint], v[joint]]).all():

@@ -8,7 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from .._runtime.picture_files import write_figure
-from ..body import JOINT_NAMES
+from ..body import SkeletonTemplate
 from ..graph import SkeletalGraph
 from ..hull import VisualHulls
 from ..matching import Limbs
@@ -16,23 +16,20 @@ from ..pipeline import Prepared, Settings, observe_batch, reconstruct_batch
 from ..poses import Poses
 from ..recording import Recording, unpack_silhouettes
 from ._overlays import draw_silhouette, tile
-from ._skeleton_style import COLOURS, JOINT_BONES, LEFT, MIDDLE, RIGHT
+from ._skeleton_style import MIDDLE, colours_of, drawn_joint_bones, node_labels
 
-# The vector from right to left of these joints points to the person's left. 25 degrees off the front shows depth and
-# hides no limb.
-_ACROSS = ("hip", "shoulder")
+# 25 degrees off the front shows depth and hides no limb.
 _ASIDE = 25.0
-_LABELS = ("head", "left hand", "right hand", "left foot", "right foot")
-_LABEL_COLOURS = np.array([MIDDLE, LEFT, RIGHT, LEFT, RIGHT]) / 255
 
 
 class Stages(eqx.Module):
-    """Results of each stage for one frame, in a world with z up (m)."""
+    """Results of each stage for one frame, in their own world with z up (m)."""
 
     hull: VisualHulls
     graph: SkeletalGraph
     limbs: Limbs
     joints: np.ndarray
+    template: SkeletonTemplate = eqx.field(static=True)
 
 
 def stages_of(recording: Recording, prepared: Prepared, settings: Settings, frame: int) -> Stages | None:
@@ -44,21 +41,25 @@ def stages_of(recording: Recording, prepared: Prepared, settings: Settings, fram
     assert found.seen.hulls is not None
     poses, _ = reconstruct_batch(alone, prepared, settings)
     return Stages(
-        found.seen.hulls, found.labelled.graphs[0], found.labelled.limbs, poses.joints[0] @ prepared.to_z_up.T
-    )
+        found.seen.hulls, found.labelled.graphs[0], found.labelled.limbs,
+        prepared.scale * poses.joints[0] @ prepared.to_z_up.T, poses.template,
+    )  # fmt: skip
 
 
 def telling_frame(poses: Poses) -> int:
-    """The frame whose pose has the hands farthest from the trunk, so that hull and graph show every limb.
+    """The frame whose pose has the hands, or what else may touch the trunk, farthest from it: every limb shows.
 
     Raises:
         ValueError: No frame has a pose.
     """
     if not poses.has_pose.any():
         raise ValueError("no frame has a pose: there is none to show")
-    joints = {name: poses.joints[:, number] for number, name in enumerate(JOINT_NAMES)}
-    middle = (joints["pelvis"] + joints["neck"]) / 2
-    nearer = np.minimum(*(np.linalg.norm(joints[hand] - middle, axis=-1) for hand in ("l_hand", "r_hand")))
+    template = poses.template
+    middle = poses.joints[:, list(template.inner)].mean(1)
+    # Tips that do not describe the trunk are those that touch it: of a human, those of the hands.
+    hands = set(range(len(template.tip_names))) - set(template.described_by) or range(len(template.tip_names))
+    ends = poses.joints[:, [template.tip_parents[tip] for tip in hands]]
+    nearer = np.linalg.norm(ends - middle[:, None], axis=-1).min(1)
     return int(np.argmax(np.where(poses.has_pose, nearer * poses.confidence.min(1), -1.0)))
 
 
@@ -76,7 +77,7 @@ def plot_stages(recording: Recording, prepared: Prepared, settings: Settings, fr
     flat.set_axis_off()
     flat.set_title("silhouettes")
     points = stages.hull.centres[stages.hull.inside[0]]
-    azimuth = _azimuth_before(stages.joints)
+    azimuth = _azimuth_before(stages.joints, stages.template)
     low, high = points.min(0), points.max(0)
     for i, title in enumerate(("visual hull", "skeletal graph", "labelled nodes", "skeleton")):
         axes = figure.add_axes((0.2 + 0.2 * i, 0.0, 0.2, 0.92), projection="3d")
@@ -94,11 +95,13 @@ def plot_stages(recording: Recording, prepared: Prepared, settings: Settings, fr
     write_figure(path, figure, dpi=110)
 
 
-def _azimuth_before(joints: np.ndarray) -> float:
-    """Azimuth of a view of the person from the front, slightly to the side (degrees); a default without a pose."""
-    if not np.isfinite(joints).all():
+def _azimuth_before(joints: np.ndarray, template: SkeletonTemplate) -> float:
+    """Azimuth of a view from the front, slightly to the side (degrees); a default without a pose, or without sides."""
+    lefts, rights = template.limb_pairs.T
+    if not np.isfinite(joints).all() or not lefts.size:
         return -60.0
-    left = sum(joints[JOINT_NAMES.index("l_" + name)] - joints[JOINT_NAMES.index("r_" + name)] for name in _ACROSS)
+    # From right to left hip and shoulder of a human.
+    left = (joints[lefts] - joints[rights]).sum(0)
     front = np.cross(left, [0.0, 0.0, 1.0])
     return float(np.degrees(np.arctan2(front[1], front[0]))) + _ASIDE
 
@@ -119,13 +122,14 @@ def _draw(axes, stage: int, stages: Stages) -> None:
     if stage == 1:
         axes.scatter(*graph.positions[graph.end_nodes].T, color="#e08a00", s=14, depthshade=False, zorder=3)
     if stage == 2:
-        for label, end, colour in zip(_LABELS, stages.limbs.ends[0], _LABEL_COLOURS, strict=True):
-            axes.scatter(*end, color=colour, s=30, depthshade=False, zorder=3)
-            axes.text(*end, f" {label}", fontsize=8, zorder=4)
-        for name, node in (("neck", stages.limbs.neck[0]), ("pelvis", stages.limbs.pelvis[0])):
-            axes.scatter(*node, color=_LABEL_COLOURS[0], s=30, depthshade=False, zorder=3)
-            axes.text(*node, f" {name}", fontsize=8, zorder=4)
+        nodes = np.concatenate([stages.limbs.ends[0], stages.limbs.inner[0]])
+        tips = colours_of(stages.template)[-len(stages.template.tip_names) :]
+        colours = np.concatenate([tips, np.tile(np.array(MIDDLE, np.uint8), (len(nodes) - len(tips), 1))]) / 255
+        for label, node, colour in zip(node_labels(stages.template), nodes, colours, strict=True):
+            axes.scatter(*node, color=colour, s=30, depthshade=False, zorder=3)
+            axes.text(*node, f" {label}", fontsize=8, zorder=4)
     if stage == 3 and np.isfinite(stages.joints).all():
-        for joint, parent in JOINT_BONES:
-            axes.plot(*stages.joints[[joint, parent]].T, color=COLOURS[joint] / 255, lw=3, zorder=2)
+        colours = colours_of(stages.template) / 255
+        for joint, parent in drawn_joint_bones(stages.template):
+            axes.plot(*stages.joints[[joint, parent]].T, color=colours[joint], lw=3, zorder=2)
         axes.scatter(*stages.joints.T, color="black", s=10, depthshade=False, zorder=3)

@@ -8,7 +8,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from .._runtime.picture_files import write_figure
-from ..body import JOINT_NAMES
 from ..poses import CURVE_THRESHOLDS_MM, Score
 
 
@@ -38,7 +37,7 @@ def _draw_boxes(axes: Axes, score: Score) -> None:
     # A joint that is missing from a pose has an infinite distance, which a box plot cannot show.
     shown = [column[np.isfinite(column)] for column in distances.T]
     axes.boxplot(
-        shown, tick_labels=list(JOINT_NAMES), whis=(5, 95), showfliers=False,
+        shown, tick_labels=list(score.joint_names), whis=(5, 95), showfliers=False,
         medianprops={"color": "tab:red"},
     )  # fmt: skip
     axes.axhline(1000 * score.threshold, color="grey", linestyle=":")
@@ -52,8 +51,8 @@ def _draw_boxes(axes: Axes, score: Score) -> None:
 def _draw_curves(axes: Axes, score: Score) -> None:
     curve = 100 * score.curve()
     # One colour for both sides of a joint: left solid, right dashed.
-    kinds = list(dict.fromkeys(name.removeprefix("l_").removeprefix("r_") for name in JOINT_NAMES))
-    for joint, share in zip(JOINT_NAMES, curve.T, strict=True):
+    kinds = list(dict.fromkeys(name.removeprefix("l_").removeprefix("r_") for name in score.joint_names))
+    for joint, share in zip(score.joint_names, curve.T, strict=True):
         kind = joint.removeprefix("l_").removeprefix("r_")
         style = "--" if joint.startswith("r_") else "-"
         axes.plot(

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.random_poses import some_poses, some_track
 
-from jaxskel import default_adult, join_poses
+from jaxskel import join_poses
 from jaxskel.batch._journal import Journal
 
 
@@ -28,7 +28,7 @@ def test_goes_on_where_it_was_left(tmp_path, track):
         if i:
             assert_equal(journal.track, track)
         journal.append(part, track)
-    assert_equal(Journal(tmp_path / "journal", "this").poses(30.0, "+Y", default_adult(1.6), None), join_poses(parts))
+    assert_equal(Journal(tmp_path / "journal", "this").poses(30.0, "+Y", None), join_poses(parts))
 
 
 def test_other_work_starts_anew(tmp_path):
@@ -55,9 +55,7 @@ def test_rows_without_their_state_do_not_count(tmp_path):
     journal = Journal(tmp_path, "this")
     assert journal.frames == 32
     journal.append(some_poses(32, 4), None)
-    assert_equal(
-        journal.poses(30.0, "+Y", default_adult(1.6), None), join_poses([some_poses(0, 32), some_poses(32, 4)])
-    )
+    assert_equal(journal.poses(30.0, "+Y", None), join_poses([some_poses(0, 32), some_poses(32, 4)]))
 
 
 @settings(deadline=None, max_examples=150)
@@ -76,5 +74,5 @@ def test_damaged_journals_start_anew_or_are_as_they_were(tmp_path_factory, name,
     journal = Journal(folder, "this")
     assert journal.frames in (0, 3)
     if journal.frames:
-        assert_equal(journal.poses(30.0, "+Y", default_adult(1.6), None), poses)
+        assert_equal(journal.poses(30.0, "+Y", None), poses)
         assert_equal(journal.track, track)

@@ -109,7 +109,7 @@ def test_whatever_a_skeleton_does_is_met_and_rotations_are_rotations(seed, hips,
     np.testing.assert_allclose(rig.rotations @ rig.rotations.swapaxes(-1, -2), identity, atol=1e-9)
     np.testing.assert_allclose(np.linalg.det(rig.rotations), 1.0, atol=1e-9)
     # At rest, arms to the sides and legs down, whatever the template's rest; they do not bend to the front or back.
-    still = Rig(rig.offsets, np.zeros((1, 3)), np.tile(np.eye(3), (1, len(RIG), 1, 1)))
+    still = Rig(rig.rows, rig.offsets, np.zeros((1, 3)), np.tile(np.eye(3), (1, len(RIG), 1, 1)))
     at = dict(zip([name for name, *_ in RIG], rig_placed(still)[0], strict=True))
     for start, end, way in (
         ("LeftArm", "LeftForeArm", (0, 1, 0)), ("LeftForeArm", "LeftPalm", (0, 1, 0)),

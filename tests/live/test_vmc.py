@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from support.live_sessions import step_of
 from support.poses import moving, placed
+from support.templates import acting, animal
 
 from jaxskel import JOINT_NAMES, Pose, Poses, default_adult
 from jaxskel.io.poses import t_pose_of, with_up
@@ -97,3 +98,8 @@ def _wrists(poses: Poses) -> np.ndarray:
 def test_without_a_pose_or_rotations_there_are_no_bones():
     assert bones_of(step_of(moving(3, without=(1,)), 1)) is None
     assert bones_of(replace(step_of(moving(3), 1), rotations=None, skeleton=None)) is None
+
+
+def test_other_templates_have_no_avatar():
+    with pytest.raises(ValueError, match="animal has no bones of an avatar, .*; leave out --osc"):
+        bones_of(acting(animal(), 2))

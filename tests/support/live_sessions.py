@@ -54,6 +54,7 @@ def step_of(poses: Poses, row: int) -> Poses:
         poses.joints[some], poses.tips[some], None if poses.rotations is None else poses.rotations[some],
         poses.skeleton, poses.confidence[some], poses.side_confidence[some], poses.status[some], poses.fps, poses.up,
         poses.frame_index[some], None if poses.covariance is None else poses.covariance[some],
+        template=poses.template,
     )  # fmt: skip
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from jaxskel import JOINT_NAMES, TIP_NAMES, Pose, Poses, Skeleton, Status, default_adult
-from jaxskel.body import place_joints
+from jaxskel.body import HUMAN_15, place_joints
 from jaxskel.io.poses._markers import turn_up
 from jaxskel.synthetic import demo_motion
 
@@ -41,12 +41,13 @@ def posed(
     joints, tips = joints.astype(np.float32), tips.astype(np.float32)
     status = np.full(frames, int(Status.OK))
     joints[gaps], tips[gaps], status[gaps] = np.nan, np.nan, int(Status.NO_HULL)
-    covariance = np.tile(np.diag([0.01, 0.02, 0.03]).astype(np.float32) ** 2, (frames, 15, 1, 1))
+    covariance = np.tile(np.diag([0.01, 0.02, 0.03]).astype(np.float32) ** 2, (frames, joints.shape[1], 1, 1))
     covariance[gaps] = np.nan
     confidence = np.where(status == Status.OK, 1.0, 0.0).astype(np.float32)
     return Poses(
-        joints, tips, rotations, skeleton, np.repeat(confidence[:, None], 15, 1), np.ones(frames, np.float32), status,
-        fps, up, np.arange(start, start + frames), covariance,
+        joints, tips, rotations, skeleton, np.repeat(confidence[:, None], joints.shape[1], 1),
+        np.ones(frames, np.float32), status, fps, up, np.arange(start, start + frames), covariance,
+        template=HUMAN_15 if skeleton is None else skeleton.template,
     )  # fmt: skip
 
 

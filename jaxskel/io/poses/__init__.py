@@ -17,6 +17,7 @@ from ._mot import write_mot as write_mot
 from ._poses_file import read_poses as read_poses
 from ._poses_file import read_truth as read_truth
 from ._poses_file import write_archive as write_archive
+from ._poses_file import write_keypoint_table as write_keypoint_table
 from ._poses_file import write_poses as write_poses
 from ._poses_file import write_table as write_table
 from ._rig import RIG as RIG

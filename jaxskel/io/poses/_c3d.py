@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..._runtime.atomic_files import written_whole
+from ...body import KeypointSet
 from ...poses import Poses
 from ._markers import Markers, to_markers, with_up
 
@@ -14,8 +15,8 @@ from ._markers import Markers, to_markers, with_up
 _MOST_FRAMES = 2**16 - 1
 
 
-def write_c3d(path: str | Path, poses: Poses, *, up: str = "+Z") -> Path:
-    """Write joints and tips as points (mm).
+def write_c3d(path: str | Path, poses: Poses, *, up: str = "+Z", keypoint_set: KeypointSet | None = None) -> Path:
+    """Write joints and tips, or keypoints, as points (mm).
 
     A frame without a pose has points with residual -1, which marks them as not seen. The format counts frames from 1,
     without gaps: frame 0 of the material is frame 1 of the file, and `poses.frame_index` only sets the first number
@@ -26,16 +27,18 @@ def write_c3d(path: str | Path, poses: Poses, *, up: str = "+Z") -> Path:
         poses: Frames at `poses.fps`.
         up: World axis that points up in the file. It is stated as POINT:Y_SCREEN, the axis that points up on a screen,
             and in the descriptions of the points.
+        keypoint_set: What to write instead of joints and tips, as in `write_trc`.
 
     Returns:
         The path.
 
     Raises:
-        ValueError: There are no frames or more than 65535, or `up` is not one of `jaxskel.recording.UP_AXES`.
+        ValueError: There are no frames or more than 65535, the poses have no keypoints, or `up` is not one of
+            `jaxskel.recording.UP_AXES`.
         ImportError: ezc3d is not installed.
     """
     ezc3d = _ezc3d()
-    path, markers = Path(path), to_markers(with_up(poses, up))
+    path, markers = Path(path), to_markers(with_up(poses, up), keypoint_set)
     if len(markers) > _MOST_FRAMES:
         raise ValueError(f"{path}: {len(markers)} frames; a C3D holds {_MOST_FRAMES} at most, so cut them into parts")
     seen = ~np.isnan(markers.positions).any(-1)

@@ -1,8 +1,8 @@
 """Poses while they are made: a file that grows by one record a frame.
 
-`poses.live` has a line that says what it is, a line of JSON with ``fps`` and ``up``, and then records of one size, see
-`_RECORD`. Each frame's record is handed to the system at once, so a killed process loses no more than the frame that it
-was writing. A record that was cut off at the end is left out.
+`poses.live` has a line that says what it is, a line of JSON with ``fps``, ``up`` and, if it is not the paper's human,
+``template``, and then records of one size, see `_record`. Each frame's record is handed to the system at once, so a
+killed process loses no more than the frame that it was writing. A record that was cut off at the end is left out.
 """
 
 import json
@@ -12,22 +12,16 @@ from typing import Any
 
 import numpy as np
 
+from ...body import HUMAN_15, SkeletonTemplate
 from ...poses import STATUS_NAMES, WITH_POSE, Poses, Status
 from ..files import fault, open_regular
+from ..recordings import template_arrays, template_of
 
 JOURNAL_FILE = "poses.live"
 """Name of the journal in a folder of results."""
 
 _FIRST_LINE = b"jaxskel journal of poses 1\n"
-_MOST_HEADER = 1000  # bytes
-_RECORD = np.dtype(
-    [
-        ("frame_index", "<i8"), ("status", "<i8"), ("side_confidence", "<f4"), ("confidence", "<f4", (15,)),
-        ("joints", "<f4", (15, 3)), ("tips", "<f4", (5, 3)), ("rotations", "<f4", (17, 3, 3)),
-        ("sigma", "<f4", (15, 3, 3)), ("rest_joints", "<f8", (15, 3)), ("rest_tips", "<f8", (5, 3)),
-        ("stature_sigma", "<f4"),
-    ]
-)  # fmt: skip
+_MOST_HEADER = 1_000_000  # bytes
 # Largest number of frames between the records, for each record and in all: an hour at 60 frames per second.
 _MOST_MISSING = 20, 216_000
 # Confidence of the sides where nothing was seen.
@@ -41,16 +35,19 @@ class PosesJournal:
         path: The file, which must not exist yet.
         fps: Frames per second of the numbers in `frame_index`.
         up: World axis that points up.
+        template: What the skeleton of all frames consists of.
 
     Raises:
         OSError: The file exists, or cannot be written.
     """
 
-    def __init__(self, path: Path, fps: float, up: str):
+    def __init__(self, path: Path, fps: float, up: str, template: SkeletonTemplate = HUMAN_15):
         path.parent.mkdir(parents=True, exist_ok=True)
         self.path = path
         self._file = open(path, "xb", buffering=0)
-        self._write(_FIRST_LINE + json.dumps({"fps": fps, "up": up}).encode() + b"\n")
+        self._record = _record(template)
+        header = {"fps": fps, "up": up, **template_arrays(template)}
+        self._write(_FIRST_LINE + json.dumps(header).encode() + b"\n")
 
     def append(self, poses: Poses) -> None:
         """Add frames; each number in `frame_index` must be greater than the one before.
@@ -58,7 +55,7 @@ class PosesJournal:
         Raises:
             OSError: The disk is full, for instance.
         """
-        records = np.zeros(len(poses), _RECORD)
+        records = np.zeros(len(poses), self._record)
         for key in ("rotations", "sigma", "rest_joints", "rest_tips", "stature_sigma"):
             records[key] = np.nan
         for field, values in (
@@ -98,10 +95,11 @@ def journal_arrays(path: Path) -> dict[str, Any]:
         if first != _FIRST_LINE:
             raise fault(path, None, "is no journal of poses that this version can read")
         content = file.read()
-    records = np.frombuffer(content, _RECORD, len(content) // _RECORD.itemsize)
+    fps, up, template = _read_header(path, header)
+    record = _record(template)
+    records = np.frombuffer(content, record, len(content) // record.itemsize)
     if not len(records):
         raise fault(path, None, "holds no frame: `jaxskel live` was ended before the first one")
-    fps, up = _read_header(path, header)
     rows = records["frame_index"] - records["frame_index"][0]
     per_record, in_all = _MOST_MISSING
     if (np.diff(rows) <= 0).any() or not rows[-1] < per_record * len(rows) + in_all:
@@ -109,6 +107,7 @@ def journal_arrays(path: Path) -> dict[str, Any]:
     arrays: dict[str, Any] = {
         "fps": np.array(fps), "up": np.array(up), "frame_index": records["frame_index"][0] + np.arange(rows[-1] + 1)
     }  # fmt: skip
+    arrays |= {key: np.array(text) for key, text in template_arrays(template).items()}
     status = records["status"]
     posed = (status >= 0) & (status < len(STATUS_NAMES)) & np.isin(status, WITH_POSE)
     known = records[posed] if posed.any() else records
@@ -130,9 +129,24 @@ def journal_arrays(path: Path) -> dict[str, Any]:
     return arrays
 
 
-def _read_header(path: Path, line: bytes) -> tuple[float, str]:
+def _record(template: SkeletonTemplate) -> np.dtype:
+    """What is written of each frame."""
+    joints, tips, segments = len(template.joint_names), len(template.tip_names), len(template.segment_names)
+    return np.dtype(
+        [
+            ("frame_index", "<i8"), ("status", "<i8"), ("side_confidence", "<f4"), ("confidence", "<f4", (joints,)),
+            ("joints", "<f4", (joints, 3)), ("tips", "<f4", (tips, 3)), ("rotations", "<f4", (segments, 3, 3)),
+            ("sigma", "<f4", (joints, 3, 3)), ("rest_joints", "<f8", (joints, 3)), ("rest_tips", "<f8", (tips, 3)),
+            ("stature_sigma", "<f4"),
+        ]
+    )  # fmt: skip
+
+
+def _read_header(path: Path, line: bytes) -> tuple[float, str, SkeletonTemplate]:
     try:
         header = json.loads(line)
-        return float(header["fps"]), str(header["up"])
+        fps, up = float(header["fps"]), str(header["up"])
+        named = {"template": np.array(str(header["template"]))} if "template" in header else {}
     except (ValueError, KeyError, TypeError):
         raise fault(path, None, "has a damaged header; its frame rate is lost") from None
+    return fps, up, template_of(path, named)

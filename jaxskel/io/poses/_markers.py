@@ -4,7 +4,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...body import JOINT_NAMES, TIP_NAMES
+from ...body import KeypointSet
 from ...poses import Poses
 from ...recording import rotation_to_z_up
 
@@ -29,16 +29,21 @@ class Markers(eqx.Module):
         return len(self.positions)
 
 
-def to_markers(poses: Poses) -> Markers:
-    """Joints and then tips as markers.
+def to_markers(poses: Poses, keypoint_set: KeypointSet | None = None) -> Markers:
+    """Joints and then tips as markers; or the keypoints of a set, but for those that the skeleton has no point for.
 
     Raises:
-        ValueError: There are no frames.
+        ValueError: There are no frames, or the poses have no keypoints.
     """
     if len(poses) == 0:
         raise ValueError("the poses hold no frame: there is nothing to export")
-    positions = np.concatenate([poses.joints, poses.tips], 1).astype(np.float64)
-    return Markers(JOINT_NAMES + TIP_NAMES, positions, poses.fps, poses.up, np.asarray(poses.frame_index))
+    if keypoint_set is None:
+        names, positions = poses.template.point_names, np.concatenate([poses.joints, poses.tips], 1).astype(np.float64)
+    else:
+        meant = [number for number, points in enumerate(keypoint_set.points) if points]
+        names = tuple(keypoint_set.names[number] for number in meant)
+        positions = poses.keypoints(keypoint_set)[:, meant]
+    return Markers(names, positions, poses.fps, poses.up, np.asarray(poses.frame_index))
 
 
 def with_up(poses: Poses, up: str) -> Poses:

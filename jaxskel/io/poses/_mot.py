@@ -10,6 +10,7 @@ from jaxtyping import Float
 from ..._math.euler import to_zxy
 from ..._runtime.atomic_files import written_whole
 from ..._runtime.plain_text import plain
+from ...body import HUMAN_15
 from ...poses import STATUS_NAMES, Poses, joint_angles
 from ._markers import with_up
 
@@ -31,6 +32,8 @@ def write_mot(path: str | Path, poses: Poses) -> Path:
     OpenSim's models have oblique axes of knee, ankle and elbow; they follow to some degrees. Inverse kinematics of the
     TRC follow the joints more closely.
 
+    Of a template other than the paper's human, the columns are the flexions of its hinges, and no others.
+
     A frame without a pose has no row; OpenSim interpolates. Times are those of `write_trc`.
 
     Args:
@@ -41,7 +44,7 @@ def write_mot(path: str | Path, poses: Poses) -> Path:
         The path.
 
     Raises:
-        ValueError: There is no pose, or the rotations are not known.
+        ValueError: There is no pose, the rotations are not known, or the template has no hinges.
     """
     path, known = Path(path), poses.has_pose
     if not known.any():
@@ -62,6 +65,8 @@ def write_mot(path: str | Path, poses: Poses) -> Path:
 def coordinates(poses: Poses) -> tuple[tuple[str, ...], Float[np.ndarray, "frames coordinates"]]:
     """Names of OpenSim's coordinates, and their values: degrees, and metres of ``pelvis_tx``, ``_ty`` and ``_tz``."""
     angles = joint_angles(poses)
+    if poses.template != HUMAN_15:
+        return angles.names, np.rad2deg(angles.values)
     standing = with_up(poses, "+Y")
     known = poses.has_pose
     values = angles.values.copy()
@@ -82,7 +87,7 @@ def write_angles(path: str | Path, poses: Poses) -> Path:
         The path.
 
     Raises:
-        ValueError: The rotations are not known.
+        ValueError: The rotations are not known, or the template has no hinges.
     """
     path, angles = Path(path), joint_angles(poses)
     with written_whole(path) as file, io.TextIOWrapper(file, "utf-8", newline="") as text:

@@ -9,13 +9,23 @@ import numpy as np
 from jaxtyping import Float
 
 from ..._runtime.atomic_files import written_whole
-from ...body import JOINT_NAMES, JOINT_PARENTS, SEGMENT_NAMES, TIP_NAMES, Skeleton, make_skeleton
+from ...body import KeypointSet, Skeleton, SkeletonTemplate
 from ...poses import STATUS_NAMES, WITH_POSE, Poses
 from ...recording import Truth
 from ..calibrations import up_axis
 from ..files import fault, numbers, read_arrays
-from ..recordings import check_names, frame_numbers, frame_rate, truth
+from ..recordings import (
+    TEMPLATE_KEYS,
+    check_names,
+    frame_numbers,
+    frame_rate,
+    skeleton_of,
+    template_arrays,
+    template_of,
+    truth,
+)
 from ._journal import JOURNAL_FILE, journal_arrays
+from ._markers import to_markers
 
 # What an older version did not write.
 _ROTATIONS = ("rotations", "rest_joints", "rest_tips")
@@ -40,18 +50,18 @@ def write_poses(folder: str | Path, poses: Poses) -> tuple[Path, Path]:
 
 def write_archive(path: str | Path, poses: Poses) -> Path:
     """Write the `poses.npz` of [`write_poses`][] alone, under any name; return its path."""
-    path = Path(path)
+    path, template = Path(path), poses.template
     arrays: dict[str, Any] = {
         "joints": np.asarray(poses.joints, np.float32), "tips": np.asarray(poses.tips, np.float32),
         "confidence": np.asarray(poses.confidence, np.float32),
         "side_confidence": np.asarray(poses.side_confidence, np.float32),
         "status": np.asarray(poses.status, np.int8), "status_names": STATUS_NAMES,
-        "joint_names": JOINT_NAMES, "joint_parents": JOINT_PARENTS, "tip_names": TIP_NAMES,
-        "fps": poses.fps, "up": poses.up, "frame_index": poses.frame_index,
+        "joint_names": template.joint_names, "joint_parents": template.joint_parents, "tip_names": template.tip_names,
+        **template_arrays(template), "fps": poses.fps, "up": poses.up, "frame_index": poses.frame_index,
     }  # fmt: skip
     if poses.rotations is not None and poses.skeleton is not None:
         arrays |= {
-            "rotations": np.asarray(poses.rotations, np.float32), "segment_names": SEGMENT_NAMES,
+            "rotations": np.asarray(poses.rotations, np.float32), "segment_names": template.segment_names,
             "rest_joints": np.asarray(poses.skeleton.rest_joints), "rest_tips": np.asarray(poses.skeleton.rest_tips),
         }  # fmt: skip
     if poses.covariance is not None:
@@ -65,24 +75,45 @@ def write_archive(path: str | Path, poses: Poses) -> Path:
 
 def write_table(path: str | Path, poses: Poses) -> Path:
     """Write the `poses.csv` of [`write_poses`][] alone, under any name; return its path."""
-    path = Path(path)
+    path, joints = Path(path), poses.template.joint_names
     with written_whole(path) as file, io.TextIOWrapper(file, "utf-8", newline="") as text:
         rows = csv.writer(text, lineterminator="\n")
         rows.writerow(
             ["frame_index", "time_s", "status"]
-            + [f"{joint}_{axis}" for joint in JOINT_NAMES for axis in "xyz"]
-            + [f"{joint}_confidence" for joint in JOINT_NAMES]
-            + [f"{joint}_sigma_mm" for joint in JOINT_NAMES]
+            + [f"{joint}_{axis}" for joint in joints for axis in "xyz"]
+            + [f"{joint}_confidence" for joint in joints]
+            + [f"{joint}_sigma_mm" for joint in joints]
         )
         deviations = poses.deviations
         for i, has_pose in enumerate(poses.has_pose):
             row = [str(poses.frame_index[i]), f"{i / poses.fps:.6f}", STATUS_NAMES[poses.status[i]]]
             if has_pose:
                 row += [f"{x:.6f}" for x in poses.joints[i].ravel()] + [f"{c:.4f}" for c in poses.confidence[i]]
-                row += [""] * 15 if deviations is None else [f"{1e3 * s:.1f}" for s in deviations[i]]
+                row += [""] * len(joints) if deviations is None else [f"{1e3 * s:.1f}" for s in deviations[i]]
             else:
-                row += [""] * (5 * len(JOINT_NAMES))
+                row += [""] * (5 * len(joints))
             rows.writerow(row)
+    return path
+
+
+def write_keypoint_table(path: str | Path, poses: Poses, keypoint_set: KeypointSet) -> Path:
+    """Write keypoints as a table like `poses.csv` (m), but for those that the skeleton has no point for.
+
+    Returns:
+        The path.
+
+    Raises:
+        ValueError: There are no frames, or the poses have no keypoints.
+    """
+    path, markers = Path(path), to_markers(poses, keypoint_set)
+    with written_whole(path) as file, io.TextIOWrapper(file, "utf-8", newline="") as text:
+        rows = csv.writer(text, lineterminator="\n")
+        rows.writerow(
+            ["frame_index", "time_s", "status"] + [f"{name}_{axis}" for name in markers.names for axis in "xyz"]
+        )
+        for i, points in enumerate(markers.positions):
+            row = [str(poses.frame_index[i]), f"{i / poses.fps:.6f}", STATUS_NAMES[poses.status[i]]]
+            rows.writerow(row + [f"{x:.6f}" if poses.has_pose[i] else "" for x in points.ravel()])
     return path
 
 
@@ -96,14 +127,11 @@ def read_poses(path: str | Path) -> Poses:
     """
     path = Path(path)
     arrays = journal_arrays(path) if path.suffix == Path(JOURNAL_FILE).suffix else _archived(path)
-    for key, names in (
-        ("joint_names", JOINT_NAMES),
-        ("tip_names", TIP_NAMES),
-        ("status_names", STATUS_NAMES),
-        ("segment_names", SEGMENT_NAMES),
-    ):
-        check_names(path, arrays, key, names)
-    joints = numbers(path, arrays, "joints", (None, 15, 3), nan=True)
+    template = template_of(path, arrays)
+    check_names(path, arrays, "status_names", STATUS_NAMES)
+    check_names(path, arrays, "segment_names", template.segment_names)
+    count = len(template.joint_names)
+    joints = numbers(path, arrays, "joints", (None, count, 3), nan=True)
     n = len(joints)
     status = arrays["status"]
     if (
@@ -112,23 +140,24 @@ def read_poses(path: str | Path) -> Poses:
         or not ((status >= 0) & (status < len(STATUS_NAMES))).all()
     ):
         raise fault(path, "status", f"give {n} whole numbers, each the index of one of {', '.join(STATUS_NAMES)}")
-    tips = numbers(path, arrays, "tips", (n, 5, 3), nan=True)
+    tips = numbers(path, arrays, "tips", (n, len(template.tip_names), 3), nan=True)
     for key, points in (("joints", joints), ("tips", tips)):
         _check_gaps(path, key, points, status, "points")
-    rotations, skeleton = _rotations(path, arrays, status)
+    rotations, skeleton = _rotations(path, arrays, status, template)
     return Poses(
         joints=joints.astype(np.float32),
         tips=tips.astype(np.float32),
         rotations=rotations,
         skeleton=skeleton,
-        confidence=_shares(path, arrays, "confidence", (n, 15)),
+        confidence=_shares(path, arrays, "confidence", (n, count)),
         side_confidence=_shares(path, arrays, "side_confidence", (n,)),
         status=status.astype(np.int64),
         fps=frame_rate(path, arrays),
         up=up_axis(path, arrays),
         frame_index=frame_numbers(path, arrays, n),
-        covariance=_covariance(path, arrays, status),
+        covariance=_covariance(path, arrays, status, template),
         stature_deviation=_stature_deviation(path, arrays),
+        template=template,
     )
 
 
@@ -137,7 +166,7 @@ def _archived(path: Path) -> dict[str, np.ndarray]:
     return read_arrays(
         path,
         required=("joints", "tips", "confidence", "side_confidence", "status", "fps", "up", "frame_index"),
-        optional=("joint_names", "tip_names", "status_names", "segment_names", *_ROTATIONS, *_UNCERTAINTY),
+        optional=(*TEMPLATE_KEYS, "status_names", "segment_names", *_ROTATIONS, *_UNCERTAINTY),
         most=max(2**28, _COMPRESSED * path.stat().st_size) if path.is_file() else 2**28,
     )
 
@@ -152,24 +181,22 @@ def read_truth(path: str | Path) -> tuple[Truth, str, np.ndarray]:
         ValueError: One line that names the file, the key and how to mend it.
     """
     path = Path(path)
-    arrays = read_arrays(path, ("joints",), ("tips", "up", "frame_index", "joint_names", "tip_names"))
-    check_names(path, arrays, "joint_names", JOINT_NAMES)
-    check_names(path, arrays, "tip_names", TIP_NAMES)
-    found = truth(path, arrays, None)
+    arrays = read_arrays(path, ("joints",), ("tips", "up", "frame_index", *TEMPLATE_KEYS))
+    found = truth(path, arrays, None, template_of(path, arrays))
     assert found is not None  # `joints` is required above
     return found, up_axis(path, arrays), frame_numbers(path, arrays, len(found.joints))
 
 
 def _rotations(
-    path: Path, arrays: dict[str, np.ndarray], status: np.ndarray
+    path: Path, arrays: dict[str, np.ndarray], status: np.ndarray, template: SkeletonTemplate
 ) -> tuple[Float[np.ndarray, "frames segments 3 3"] | None, Skeleton | None]:
-    """Rotations of the segments and their template (m), where the file has them."""
+    """Rotations of the segments and the skeleton that they are of (m), where the file has them."""
     missing = [key for key in _ROTATIONS if key not in arrays]
     if len(missing) == len(_ROTATIONS):
         return None, None
     if missing:
         raise fault(path, missing[0], f"is missing; give all of {', '.join(_ROTATIONS)}, or none")
-    rotations = numbers(path, arrays, "rotations", (len(status), len(SEGMENT_NAMES), 3, 3), nan=True)
+    rotations = numbers(path, arrays, "rotations", (len(status), len(template.segment_names), 3, 3), nan=True)
     _check_gaps(path, "rotations", rotations, status, "rotations")
     known = np.isin(status, WITH_POSE)
     found = rotations[known]
@@ -178,27 +205,27 @@ def _rotations(
     if wrong.any():
         row, segment = (int(i) for i in np.argwhere(wrong)[0])
         frame = int(np.flatnonzero(known)[row])
-        raise fault(path, "rotations", f"frame {frame}, {SEGMENT_NAMES[segment]}: no rotation; write the file again")
-    joints, tips = numbers(path, arrays, "rest_joints", (15, 3)), numbers(path, arrays, "rest_tips", (5, 3))
-    try:
-        return rotations.astype(np.float32), make_skeleton(joints, tips)
-    except ValueError as error:
-        raise fault(path, "rest_joints", str(error)) from None
+        raise fault(
+            path, "rotations", f"frame {frame}, {template.segment_names[segment]}: no rotation; write the file again"
+        )
+    return rotations.astype(np.float32), skeleton_of(path, arrays, template)
 
 
 def _covariance(
-    path: Path, arrays: dict[str, np.ndarray], status: np.ndarray
+    path: Path, arrays: dict[str, np.ndarray], status: np.ndarray, template: SkeletonTemplate
 ) -> Float[np.ndarray, "frames joints 3 3"] | None:
     """Covariances of the joints (m^2), where the file has them."""
     if "sigma" not in arrays:
         return None
-    covariance = numbers(path, arrays, "sigma", (len(status), 15, 3, 3), nan=True)
+    covariance = numbers(path, arrays, "sigma", (len(status), len(template.joint_names), 3, 3), nan=True)
     _check_gaps(path, "sigma", covariance, status, "covariances")
     known = np.flatnonzero(np.isin(status, WITH_POSE))
     wrong = np.linalg.eigvalsh(covariance[known]).min(-1) <= 0
     if wrong.any():
         row, joint = (int(i) for i in np.argwhere(wrong)[0])
-        raise fault(path, "sigma", f"frame {known[row]}, {JOINT_NAMES[joint]}: no covariance; write the file again")
+        raise fault(
+            path, "sigma", f"frame {known[row]}, {template.joint_names[joint]}: no covariance; write the file again"
+        )
     return covariance.astype(np.float32)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..._runtime.atomic_files import written_whole
 from ..._runtime.plain_text import plain
-from ...body import JOINT_NAMES
+from ...body import KeypointSet
 from ...poses import Poses
 from ..files import read_bounded
 from ._markers import Markers, to_markers, with_up
@@ -28,8 +28,15 @@ _MOST_BYTES, _FARTHEST = 2_000_000_000, 1e6
 _MOST_POSITIONS = 20_000_000
 
 
-def write_trc(path: str | Path, poses: Poses, *, up: str = "+Y", millimetres: bool = False) -> Path:
-    """Write joints and tips as markers, for OpenSim or Pose2Sim.
+def write_trc(
+    path: str | Path,
+    poses: Poses,
+    *,
+    up: str = "+Y",
+    millimetres: bool = False,
+    keypoint_set: KeypointSet | None = None,
+) -> Path:
+    """Write joints and tips, or keypoints, as markers, for OpenSim or Pose2Sim.
 
     A frame without a pose has empty cells, which OpenSim reads as missing. Times start at the first frame; frame
     numbers are those of `poses.frame_index`. Positions are rounded to a micrometre.
@@ -39,14 +46,17 @@ def write_trc(path: str | Path, poses: Poses, *, up: str = "+Y", millimetres: bo
         poses: Frames at `poses.fps`.
         up: World axis that points up in the file, which cannot state it. OpenSim expects +Y.
         millimetres: Whether to write millimetres instead of metres. The file states which.
+        keypoint_set: What to write instead of joints and tips, such as `jaxskel.body.BODY_25`; keypoints that the
+            skeleton has no point for are left out.
 
     Returns:
         The path.
 
     Raises:
-        ValueError: There are no frames, or `up` is not one of `jaxskel.recording.UP_AXES`.
+        ValueError: There are no frames, the poses have no keypoints, or `up` is not one of
+            `jaxskel.recording.UP_AXES`.
     """
-    return _write(Path(path), to_markers(with_up(poses, up)), millimetres)
+    return _write(Path(path), to_markers(with_up(poses, up), keypoint_set), millimetres)
 
 
 def write_trc_deviations(path: str | Path, poses: Poses, *, up: str = "+Y", millimetres: bool = False) -> Path:
@@ -63,7 +73,9 @@ def write_trc_deviations(path: str | Path, poses: Poses, *, up: str = "+Y", mill
     markers = to_markers(turned)
     deviations = np.sqrt(np.diagonal(turned.covariance, axis1=-2, axis2=-1)).astype(np.float64)
     return _write(
-        Path(path), Markers(JOINT_NAMES, deviations, markers.fps, markers.up, markers.frame_index), millimetres
+        Path(path),
+        Markers(poses.template.joint_names, deviations, markers.fps, markers.up, markers.frame_index),
+        millimetres,
     )
 
 

@@ -20,11 +20,15 @@ from ._rig import Rig as Rig
 from ._rig import has_cameras as has_cameras
 from ._rig import read_rig as read_rig
 from ._sequence_file import IN_MEMORY as IN_MEMORY
-from ._sequence_file import check_names as check_names
 from ._sequence_file import frame_numbers as frame_numbers
 from ._sequence_file import frame_rate as frame_rate
+from ._sequence_file import skeleton_of as skeleton_of
 from ._sequence_file import truth as truth
 from ._sequence_file import write_recording as write_recording
+from ._template import TEMPLATE_KEYS as TEMPLATE_KEYS
+from ._template import check_names as check_names
+from ._template import template_arrays as template_arrays
+from ._template import template_of as template_of
 from ._view_table import open_frames as open_frames
 from ._volumes import holds_volumes as holds_volumes
 from ._volumes import read_volumes as read_volumes

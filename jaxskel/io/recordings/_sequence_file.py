@@ -11,15 +11,18 @@ import numpy as np
 from jaxtyping import Float
 
 from ..._runtime.atomic_files import written_whole
-from ...body import JOINT_NAMES, TIP_NAMES, Skeleton, make_skeleton
+from ...body import HUMAN_15, Skeleton, SkeletonTemplate, make_skeleton
 from ...cameras import Cameras, make_cameras
 from ...recording import Recording, Truth
 from ..calibrations import up_axis
 from ..files import StoredRows, fault, keys_of, numbers, read_arrays, short, switches, texts
 from ._stored import StoredSilhouettes
+from ._template import TEMPLATE_KEYS, template_arrays, template_of
 
 # A person with outstretched arms spans less than this (m); ground truth in millimetres spans a thousand times more.
 _WIDEST_PERSON = 5.0
+# No animal is longer (m).
+_LONGEST = 50.0
 # Packed silhouettes larger than this (bytes) stay on disk: a minute at 30 frames per second fits, half an hour does
 # not.
 IN_MEMORY = 256 << 20
@@ -33,8 +36,9 @@ def read_sequence_file(path: Path, in_memory: int = IN_MEMORY) -> Recording:
     Keys: `silhouettes` (frames, cams, h, w/8) packed bits or (frames, cams, h, w) masks of 0 and 1 or 255;
     `K`, `R`, `t` (world to camera, m), `size` (px), `fps`; optional `up` ("+Z" if missing), `dist`, `fisheye` (whether
     each lens is a cv2.fisheye one), `camera_names`, `frame_index`, the subject's `rest_joints` and `rest_tips` (m), the
-    ground truth `joints` and `tips` (world, m, NaN where unknown). Keys that begin with `data_` are data for terms of
-    one's own, with a row for each frame, see `Recording.with_data`. Other keys are ignored.
+    ground truth `joints` and `tips` (world, m, NaN where unknown). `template` is the text of the template that all of
+    these are of (`SkeletonTemplate.text`), if it is not the paper's human. Keys that begin with `data_` are data for
+    terms of one's own, with a row for each frame, see `Recording.with_data`. Other keys are ignored.
 
     Args:
         path: The file.
@@ -49,10 +53,9 @@ def read_sequence_file(path: Path, in_memory: int = IN_MEMORY) -> Recording:
         path,
         required=("K", "R", "t", "size", "fps"),
         optional=("up", "dist", "fisheye", "camera_names", "frame_index", "rest_joints", "rest_tips", "joints", "tips",
-                  "joint_names", "tip_names", *own),
+                  *TEMPLATE_KEYS, *own),
     )  # fmt: skip
-    check_names(path, arrays, "joint_names", JOINT_NAMES)
-    check_names(path, arrays, "tip_names", TIP_NAMES)
+    template = template_of(path, arrays)
     cameras = _cameras(path, arrays)
     silhouettes = StoredSilhouettes(stored, cameras)
     frames = len(silhouettes)
@@ -62,8 +65,8 @@ def read_sequence_file(path: Path, in_memory: int = IN_MEMORY) -> Recording:
         fps=frame_rate(path, arrays),
         up=up_axis(path, arrays),
         frame_index=frame_numbers(path, arrays, frames),
-        skeleton=skeleton_of(path, arrays),
-        truth=truth(path, arrays, frames),
+        skeleton=skeleton_of(path, arrays, template),
+        truth=truth(path, arrays, frames, template),
         name=path.stem,
     ).with_data(**{key.removeprefix(_PREFIX): rows_of(path, arrays, key, frames) for key in own})
 
@@ -75,14 +78,23 @@ def write_recording(path: str | Path, recording: Recording, made_by: str | None 
         path: File to write, `.npz`.
         recording: Recording to write.
         made_by: A note for people, by which a program can also recognise its own files.
+
+    Raises:
+        ValueError: Skeleton and truth are of different templates.
     """
     cameras, skeleton, truth = recording.cameras, recording.skeleton, recording.truth
+    templates = [known.template for known in (skeleton, truth) if known is not None] or [HUMAN_15]
+    if templates[0] != templates[-1]:
+        raise ValueError(
+            f"{path}: skeleton and truth are of the templates {templates[0].name} and {templates[-1].name}; a file "
+            "holds one, so leave one of them out"
+        )
     arrays: dict[str, Any] = {
         "silhouettes": recording.silhouettes, "K": cameras.K, "R": cameras.R, "t": cameras.t,
         "size": cameras.size[0] if (cameras.size == cameras.size[0]).all() else cameras.size,
         "dist": cameras.dist, "camera_names": cameras.names,
         "fps": recording.fps, "up": recording.up, "frame_index": recording.frame_index,
-        "joint_names": JOINT_NAMES, "tip_names": TIP_NAMES,
+        "joint_names": templates[0].joint_names, "tip_names": templates[0].tip_names, **template_arrays(templates[0]),
     }  # fmt: skip
     if cameras.fisheye is not None:
         arrays |= {"fisheye": cameras.fisheye}
@@ -121,7 +133,7 @@ def _cameras(path: Path, arrays: dict[str, np.ndarray]) -> Cameras:
     return cameras
 
 
-def skeleton_of(path: Path, arrays: dict[str, np.ndarray]) -> Skeleton | None:
+def skeleton_of(path: Path, arrays: dict[str, np.ndarray], template: SkeletonTemplate) -> Skeleton | None:
     """Check the subject's dimensions (m), if the file has them."""
     given = [key for key in ("rest_joints", "rest_tips") if key in arrays]
     if not given:
@@ -129,35 +141,37 @@ def skeleton_of(path: Path, arrays: dict[str, np.ndarray]) -> Skeleton | None:
     if len(given) == 1:
         missing = "rest_tips" if given[0] == "rest_joints" else "rest_joints"
         raise fault(path, given[0], f"comes without {missing}; give both or neither")
-    joints = numbers(path, arrays, "rest_joints", (15, 3))
-    tips = numbers(path, arrays, "rest_tips", (5, 3))
+    joints = numbers(path, arrays, "rest_joints", (len(template.joint_names), 3))
+    tips = numbers(path, arrays, "rest_tips", (len(template.tip_names), 3))
     try:
-        return make_skeleton(joints, tips)
+        return make_skeleton(joints, tips, template)
     except ValueError as error:
         raise fault(path, "rest_joints", str(error)) from None
 
 
-def truth(path: Path, arrays: dict[str, np.ndarray], frames: int | None) -> Truth | None:
+def truth(path: Path, arrays: dict[str, np.ndarray], frames: int | None, template: SkeletonTemplate) -> Truth | None:
     """Check the ground truth of a file (world, m); NaN stands for unknown."""
     if "joints" not in arrays:
         if "tips" in arrays:
             raise fault(path, "tips", "comes without joints; give both or neither")
         return None
-    joints = numbers(path, arrays, "joints", (frames, 15, 3), nan=True)
-    tips = numbers(path, arrays, "tips", (len(joints), 5, 3), nan=True) if "tips" in arrays else None
+    joints = numbers(path, arrays, "joints", (frames, len(template.joint_names), 3), nan=True)
+    shape = len(joints), len(template.tip_names), 3
+    tips = numbers(path, arrays, "tips", shape, nan=True) if "tips" in arrays else None
+    what, widest = ("person", _WIDEST_PERSON) if template == HUMAN_15 else ("subject", _LONGEST)
     together = {"joints": joints} if tips is None else {"joints": joints, "tips": np.concatenate([joints, tips], 1)}
     for key, points in together.items():
         # fmax and fmin skip NaN without a warning.
         extent = (np.fmax.reduce(points, axis=1) - np.fmin.reduce(points, axis=1)).max(axis=1)
-        if (extent > _WIDEST_PERSON).any():
-            frame = int(np.argmax(extent > _WIDEST_PERSON))
+        if (extent > widest).any():
+            frame = int(np.argmax(extent > widest))
             raise fault(
                 path,
                 key,
-                f"the person spans {extent[frame]:.0f} m in frame {frame}; lengths are metres, so divide by "
+                f"the {what} spans {extent[frame]:.0f} m in frame {frame}; lengths are metres, so divide by "
                 "1000 if these are millimetres",
             )
-    return Truth(joints, tips)
+    return Truth(joints, tips, template)
 
 
 def frame_rate(path: Path, arrays: dict[str, np.ndarray]) -> float:
@@ -184,9 +198,3 @@ def rows_of(path: Path, arrays: dict[str, np.ndarray], key: str, frames: int) ->
     if array.shape[:1] != (frames,):
         raise fault(path, key, f"has shape {array.shape}; give one row for each of the {frames} frames")
     return array
-
-
-def check_names(path: Path, arrays: dict[str, np.ndarray], key: str, names: tuple[str, ...]) -> None:
-    """Refuse a file that lists its joints in another order; a file without the key is trusted."""
-    if key in arrays and tuple(texts(path, arrays, key)) != names:
-        raise fault(path, key, f"reorder the file to {', '.join(names)}")

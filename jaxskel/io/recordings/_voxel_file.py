@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Int
 
-from ...body import JOINT_NAMES, TIP_NAMES
 from ...volumes import AbstractOccupancy, Volumes, make_volumes
 from ..calibrations import up_axis
 from ..files import StoredRows, fault, numbers, read_arrays
-from ._sequence_file import check_names, frame_numbers, frame_rate, skeleton_of, truth
+from ._sequence_file import frame_numbers, frame_rate, skeleton_of, truth
+from ._template import TEMPLATE_KEYS, template_of
 
 _FPS = 30.0  # where a file does not say it
 
@@ -22,8 +22,8 @@ def read_voxel_file(path: Path, up: str | None = None) -> Volumes:
 
     Keys: `occupied` (frames, x, y, z) booleans, or bytes of 0 and 1 or 255, or, with `shape` (x, y, z), packed bits
     (`numpy.packbits` over z); `origin` (3,), the lower corner of the first voxel, and `spacing` (m); optional `up`
-    ("+Z" if missing), `fps` (30), `frame_index`, and as in a sequence file `rest_joints`, `rest_tips`, `joints` and
-    `tips`.
+    ("+Z" if missing), `fps` (30), `frame_index`, and as in a sequence file `rest_joints`, `rest_tips`, `joints`, `tips`
+    and `template`.
 
     Args:
         path: The file.
@@ -36,15 +36,13 @@ def read_voxel_file(path: Path, up: str | None = None) -> Volumes:
     arrays = read_arrays(
         path,
         required=("origin", "spacing"),
-        optional=("shape", "up", "fps", "frame_index", "rest_joints", "rest_tips", "joints", "tips", "joint_names",
-                  "tip_names"),
-    )  # fmt: skip
-    check_names(path, arrays, "joint_names", JOINT_NAMES)
-    check_names(path, arrays, "tip_names", TIP_NAMES)
+        optional=("shape", "up", "fps", "frame_index", "rest_joints", "rest_tips", "joints", "tips", *TEMPLATE_KEYS),
+    )
+    template = template_of(path, arrays)
     occupied = _StoredOccupancy(stored, _depth(path, arrays, stored))
     frames = occupied.shape[0]
     fps = frame_rate(path, arrays) if "fps" in arrays else _FPS
-    known = skeleton_of(path, arrays), truth(path, arrays, frames)
+    known = skeleton_of(path, arrays, template), truth(path, arrays, frames, template)
     places = numbers(path, arrays, "origin", None), numbers(path, arrays, "spacing", None)
     try:
         return make_volumes(

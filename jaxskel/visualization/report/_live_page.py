@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from ...body import Skeleton, default_adult
 from ...poses import Poses
 from ...recording import Recording, rotation_to_z_up
 from ._filled import filled
@@ -36,13 +37,17 @@ class LivePage:
         return json.dumps(numbers | {"number": int(poses.frame_index[0]), "told": told}, separators=(",", ":"))
 
 
-def live_page(rig: Recording, hosts: tuple[str, ...]) -> LivePage:
+def live_page(rig: Recording, skeleton: Skeleton | None, hosts: tuple[str, ...]) -> LivePage:
     """The page of a rig.
 
     Args:
         rig: Cameras, up axis and name; its frames are not looked at.
+        skeleton: Of the template of the session's poses; None for the paper's human.
         hosts: Names of the server, with its port, that the page may ask for messages.
     """
     origin = (rig.cameras.centres @ rotation_to_z_up(rig.up).T).mean(0)
     address = " ".join(f"ws://{host}" for host in hosts)
-    return LivePage(filled("live.html", _SCRIPTS, rig.name, scene_numbers(rig, origin, _STEP), address=address), origin)
+    shown = default_adult() if skeleton is None else skeleton
+    points = np.concatenate([shown.rest_joints, shown.rest_tips])[None].astype(np.float64)
+    numbers = scene_numbers(rig, shown.template, points, origin, _STEP)
+    return LivePage(filled("live.html", _SCRIPTS, rig.name, numbers, address=address), origin)

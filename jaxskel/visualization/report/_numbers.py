@@ -6,9 +6,10 @@ import numpy as np
 from jaxtyping import Float, Int16
 
 from ..._runtime.plain_text import plain
-from ...body import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES, TIP_PARENTS
+from ...body import SkeletonTemplate
 from ...poses import STATUS_NAMES, WITH_POSE, Poses
 from ...recording import Recording, Truth, rotation_to_z_up
+from .. import thickness
 from ._outlines import LONG_SIDE, UNITS, UNSEEN, display_scale
 from ._overlays import Overlays
 from ._packed import packed
@@ -17,6 +18,8 @@ from ._packed import packed
 # uncertain by more than 3 m is shown as uncertain by 3 m.
 _STEP = 1e-4
 _LARGEST = 32767
+# Width at which a human's bone is drawn (m).
+_BONE = 0.045
 
 
 def page_numbers(recording: Recording, poses: Poses, truth: Truth | None, overlays: Overlays) -> dict[str, Any]:
@@ -27,19 +30,22 @@ def page_numbers(recording: Recording, poses: Poses, truth: Truth | None, overla
     Args:
         recording: Provides cameras, name and up axis.
         poses: The poses to show.
-        truth: Ground truth joints of the same frames.
+        truth: Ground truth of the same frames, perhaps of another template.
         overlays: Outlines and projected skeletons.
     """
     turn = rotation_to_z_up(poses.up)
-    shown = body_points(poses.joints, poses.tips) @ turn.T
-    true = None if truth is None else body_points(truth.joints, truth.tips) @ turn.T
+    shown = body_points(poses) @ turn.T
+    true = None if truth is None else _by_name(truth, poses.template) @ turn.T
     origin, step = _steps([shown] if true is None else [shown, true])
     cameras = recording.cameras
     # An outline is stored as its first point and the differences between consecutive points.
     first = np.cumsum(overlays.lengths) - overlays.lengths
     steps = np.delete(np.diff(overlays.points, axis=0, prepend=np.int16(0)), first, axis=0)
-    return scene_numbers(recording, origin, step) | pose_numbers(poses, origin, step) | {
+    return scene_numbers(recording, poses.template, shown, origin, step) | pose_numbers(poses, origin, step) | {
         "frames": len(poses), "fps": poses.fps, "frame_index": packed(poses.frame_index, "<f8"),
+        "truth_joints": [] if truth is None else [
+            i for i, name in enumerate(poses.template.joint_names) if name in truth.template.joint_names
+        ],
         "truth": None if true is None else packed(_in_steps(true, origin, step), "<i2"),
         "side_confidence": packed(np.round(255 * poses.side_confidence), "u1"),
         "views": [
@@ -54,12 +60,27 @@ def page_numbers(recording: Recording, poses: Poses, truth: Truth | None, overla
     }  # fmt: skip
 
 
-def scene_numbers(recording: Recording, origin: Float[np.ndarray, "3"], step: float) -> dict[str, Any]:
-    """What the scene shows whatever the poses are, and how points are stored: ``origin + step * number`` (m, z up)."""
+def scene_numbers(
+    recording: Recording,
+    template: SkeletonTemplate,
+    points: Float[np.ndarray, "frames points 3"],
+    origin: Float[np.ndarray, "3"],
+    step: float,
+) -> dict[str, Any]:
+    """What the scene shows in all frames, and how points are stored: ``origin + step * number`` (m, z up).
+
+    Args:
+        recording: Provides cameras, name and up axis.
+        template: What the skeleton consists of.
+        points: Some joints and tips of it, which tell how large it is (m).
+        origin: See above.
+        step: See above.
+    """
     turn, cameras = rotation_to_z_up(recording.up), recording.cameras
     return {
         "name": plain(recording.name), "up": recording.up,
-        "joints": JOINT_NAMES, "tips": TIP_NAMES, "parents": (*JOINT_PARENTS, *TIP_PARENTS),
+        "joints": [plain(name) for name in template.joint_names], "tips": [plain(name) for name in template.tip_names],
+        "parents": template.point_parents.tolist(), "bone": round(_BONE * thickness(template, points), 5),
         "statuses": STATUS_NAMES, "with_pose": [int(status) for status in WITH_POSE],
         "origin": origin.tolist(), "step": step, "spread_step": _STEP, "unseen": UNSEEN,
         "cameras": (cameras.centres @ turn.T).round(4).tolist(),
@@ -70,7 +91,7 @@ def scene_numbers(recording: Recording, origin: Float[np.ndarray, "3"], step: fl
 def pose_numbers(poses: Poses, origin: Float[np.ndarray, "3"], step: float) -> dict[str, Any]:
     """Points, confidence, uncertainty and status of every frame."""
     turn = rotation_to_z_up(poses.up)
-    shown = body_points(poses.joints, poses.tips) @ turn.T
+    shown = body_points(poses) @ turn.T
     return {
         "points": packed(_in_steps(shown, origin, step), "<i2"),
         "confidence": packed(np.round(255 * poses.confidence), "u1"),
@@ -79,13 +100,19 @@ def pose_numbers(poses: Poses, origin: Float[np.ndarray, "3"], step: float) -> d
     }
 
 
-def body_points(
-    joints: Float[np.ndarray, "frames joints 3"], tips: Float[np.ndarray, "frames tips 3"] | None
-) -> Float[np.ndarray, "frames points=20 3"]:
-    """Joints followed by tips (m); unknown tips are NaN."""
-    if tips is None:
-        tips = np.full((len(joints), len(TIP_NAMES), 3), np.nan)
-    return np.concatenate([joints, tips], axis=1).astype(np.float64)
+def body_points(poses: Poses) -> Float[np.ndarray, "frames points 3"]:
+    """Joints followed by tips (m)."""
+    return np.concatenate([poses.joints, poses.tips], axis=1).astype(np.float64)
+
+
+def _by_name(truth: Truth, template: SkeletonTemplate) -> Float[np.ndarray, "frames points 3"]:
+    """The true joints and tips (m) in the order of a template; NaN where the truth has no point of the name."""
+    found = np.full((len(truth.joints), len(template.point_names), 3), np.nan)
+    for names, points in ((truth.template.joint_names, truth.joints), (truth.template.tip_names, truth.tips)):
+        for place, name in enumerate(names):
+            if points is not None and name in template.point_names:
+                found[:, template.point_names.index(name)] = points[:, place]
+    return found
 
 
 def _spread(
@@ -109,6 +136,6 @@ def _steps(clouds: list[np.ndarray]) -> tuple[np.ndarray, float]:
     return (low + high) / 2, max(_STEP, float((high - low).max()) / 2 / _LARGEST)
 
 
-def _in_steps(points: np.ndarray, origin: np.ndarray, step: float) -> Int16[np.ndarray, "frames points=20 3"]:
+def _in_steps(points: np.ndarray, origin: np.ndarray, step: float) -> Int16[np.ndarray, "frames points 3"]:
     steps = np.round((points - origin) / step)
     return np.where(np.isfinite(steps), steps.clip(-_LARGEST, _LARGEST), UNSEEN).astype(np.int16)

@@ -11,8 +11,6 @@ from ...recording import Recording, unpack_silhouettes
 from ._outlines import UNSEEN, display_scale, outlines, to_units
 from ._packed import packed_size
 
-_POINTS = 20  # number of joints and tips
-
 
 @dataclass(frozen=True)
 class Overlays:
@@ -29,7 +27,7 @@ class Overlays:
     counts: Int[np.ndarray, "shown cams"]
     lengths: Int[np.ndarray, " outlines"]
     points: Int16[np.ndarray, "n 2"]
-    skeletons: Int16[np.ndarray, "shown cams points=20 2"]
+    skeletons: Int16[np.ndarray, "shown cams points 2"]
 
     def __len__(self) -> int:
         return len(self.counts)
@@ -38,7 +36,7 @@ class Overlays:
 def make_overlays(
     recording: Recording,
     rows: Int[np.ndarray, " frames"],
-    skeletons: Float[np.ndarray, "frames points=20 3"],
+    skeletons: Float[np.ndarray, "frames points 3"],
     room: int,
     on_frame: Callable[[int], None] | None = None,
 ) -> Overlays:
@@ -62,7 +60,7 @@ def make_overlays(
             shown.append(_frame_outlines(recording, row))
             lengths = [len(outline) for view in shown[-1] for outline in view]
             # Two bytes for a difference, four for a point, a length or a count.
-            sizes.append(packed_size(2 * sum(lengths) + 8 * len(lengths) + 4 * views * (_POINTS + 1)))
+            sizes.append(packed_size(2 * sum(lengths) + 8 * len(lengths) + 4 * views * (skeletons.shape[1] + 1)))
             total += sizes[-1]
             while total > room and len(shown) > 1:
                 stride, shown, sizes = 2 * stride, shown[::2], sizes[::2]
@@ -83,8 +81,8 @@ def make_overlays(
 
 
 def drawn_skeletons(
-    cameras: Cameras, points: Float[np.ndarray, "frames points=20 3"]
-) -> Int16[np.ndarray, "frames cams points=20 2"]:
+    cameras: Cameras, points: Float[np.ndarray, "frames points 3"]
+) -> Int16[np.ndarray, "frames cams points 2"]:
     """Projections of joints and tips (world, m) into each view with lens distortion, in display units."""
     drawn = np.full((len(points), len(cameras), *points.shape[1:2], 2), UNSEEN, np.int16)
     there = np.isfinite(points).all(axis=(1, 2))

@@ -6,8 +6,8 @@ from importlib.metadata import version
 
 import numpy as np
 
-from ...body import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES, TIP_PARENTS, Skeleton
-from ...poses import LIMBS, Poses, Score
+from ...body import HUMAN_15, Skeleton
+from ...poses import Poses, Score
 from ...recording import Recording
 from ._numbers import body_points
 
@@ -28,9 +28,11 @@ def facts(recording: Recording, poses: Poses) -> str:
 
 
 def _stature(poses: Poses) -> list[tuple[str, str]]:
-    """How tall the subject is, and how surely where the run found it."""
+    """How tall a person is, and how surely where the run found it; how large any other subject is."""
     if poses.skeleton is None:
         return []
+    if not poses.template.is_human:
+        return [("size", f"{poses.skeleton.size:.2f} m")]
     told = f"{poses.skeleton.stature:.2f} m"
     return [
         ("stature", told if poses.stature_deviation is None else f"{told} ± {poses.stature_deviation:.2f} m, found")
@@ -44,19 +46,34 @@ def bone_lengths(poses: Poses, skeleton: Skeleton | None) -> str:
     """
     if not poses.has_pose.any():
         return "<p>No frame has a pose.</p>"
-    ends = [*range(1, len(JOINT_NAMES)), *range(len(JOINT_NAMES), len(JOINT_NAMES) + len(TIP_NAMES))]
-    starts = [*JOINT_PARENTS[1:], *TIP_PARENTS]
-    names = (*JOINT_NAMES, *TIP_NAMES)
-    points = body_points(poses.joints, poses.tips)[poses.has_pose]
+    names, parents = poses.template.point_names, poses.template.point_parents.tolist()
+    ends, starts = range(1, len(names)), parents[1:]
+    points = body_points(poses)[poses.has_pose]
     lengths = 1000 * np.linalg.norm(points[:, ends] - points[:, starts], axis=-1)
     middle, (low, high) = np.median(lengths, axis=0), np.percentile(lengths, (5, 95), axis=0)
-    known = None if skeleton is None else 1000 * np.concatenate([skeleton.bone_lengths, skeleton.tip_lengths])
+    known = None
+    if skeleton is not None and skeleton.template == poses.template:
+        known = 1000 * np.concatenate([skeleton.bone_lengths, skeleton.tip_lengths])
     rows = []
     for i, (start, end) in enumerate(zip(starts, ends, strict=True)):
         row = [f"{names[start]} to {names[end]}", f"{middle[i]:.0f}", f"{low[i]:.0f} to {high[i]:.0f}"]
         rows.append(row if known is None else [*row, f"{known[i]:.0f}"])
     head = ["bone", "median mm", "5 to 95 %", *([] if known is None else ["subject mm"])]
     return _table(head, rows)
+
+
+def varying_bones(poses: Poses) -> str:
+    """Why the lengths of some bones vary: they have pivots."""
+    template = poses.template
+    if template == HUMAN_15:
+        return (
+            " Hand and foot turn about wrist and ankle, which are no joints of their own: so the\nlengths from elbow "
+            "to palm (<code>hand</code>) and from knee to ball of the foot (<code>foot</code>) vary."
+        )
+    if not template.pivots:
+        return ""
+    bones = ", ".join(escape(template.joint_names[pivot.joint]) for pivot in template.pivots)
+    return f" Bones that end in {bones} turn about points inside them, so their lengths vary."
 
 
 def score_tables(score: Score | None) -> str:
@@ -66,16 +83,18 @@ def score_tables(score: Score | None) -> str:
     n = len(score)
     rows = []
     for name, forgive in (("sides counted", False), ("swaps forgiven", True)):
-        wrong = [f"{100 * score.wrong(limb, forgive) / n:.1f} %" for limb in LIMBS]
+        wrong = [f"{100 * score.wrong(limb, forgive) / n:.1f} %" for limb in score.limbs]
         middle = score.percentile(50, None, forgive)
         rows.append([name, *wrong, f"{100 * score.all_correct(forgive):.1f} %", _mm(middle)])
-    table = _table(["", *LIMBS, "all 15 right", "median mm"], rows)
-    joints = [[joint, *(_mm(score.percentile(q, joint)) for q in (25, 50, 75, 95))] for joint in JOINT_NAMES]
+    table = _table(["", *score.limbs, f"all {len(score.joint_names)} right", "median mm"], rows)
+    joints = [[joint, *(_mm(score.percentile(q, joint)) for q in (25, 50, 75, 95))] for joint in score.joint_names]
     each = _table(["distance, mm", "25 %", "median", "75 %", "95 %"], joints)
     unknown = f", {score.without_truth} more without a truth" if score.without_truth else ""
+    left_out = f" Not scored, because only one has it: {', '.join(score.left_out)}." if score.left_out else ""
     return (
         f"<section><h2>Score</h2><p>Frames in which a joint is more than {1000 * score.threshold:.0f} mm from the "
-        f"truth: {n} frames scored, {int((~score.has_pose).sum())} without a pose{unknown}.</p>{table}{each}</section>"
+        f"truth: {n} frames scored, {int((~score.has_pose).sum())} without a pose{unknown}."
+        f"{escape(left_out)}</p>{table}{each}</section>"
     )
 
 

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from ..._runtime.atomic_files import written_whole
-from ...poses import Poses, Score, score
-from ...recording import Recording, Truth, recording_rows
+from ...poses import Poses, Score, score_poses
+from ...recording import Recording, recording_rows
 from ._filled import filled
 from ._numbers import body_points, page_numbers
 from ._overlays import Overlays, make_overlays
-from ._tables import bone_lengths, facts, score_tables
+from ._tables import bone_lengths, facts, score_tables, varying_bones
 
 LIMIT = 15_000_000
 """Largest size of a page (bytes), so that it can still be sent by mail."""
@@ -47,17 +47,19 @@ def write_report(
         ValueError: Poses of another recording, or poses that exceed the limit even without silhouettes.
     """
     rows = recording_rows(recording, poses)
-    truth = None
-    if recording.truth is not None and np.isfinite(recording.truth.joints[rows]).all(axis=(1, 2)).any():
-        tips = recording.truth.tips
-        truth = Truth(recording.truth.joints[rows], None if tips is None else tips[rows])
-    scored = None if truth is None else score(poses.joints.astype(np.float64), truth.joints, poses.has_pose)
+    truth = None if recording.truth is None else recording.truth[rows]
+    if truth is not None and not np.isfinite(truth.joints).all(axis=(1, 2)).any():
+        truth = None
+    scored = None
+    # Truth of a template without any joint of the same name says nothing of these poses.
+    if truth is not None and set(truth.template.joint_names) & set(poses.template.joint_names):
+        scored = score_poses(poses, truth.joints, truth.template)
 
     def page(overlays: Overlays) -> bytes:
         numbers = page_numbers(recording, poses, truth, overlays)
         return make_page(numbers, recording, poses, scored).encode()
 
-    points = body_points(poses.joints, poses.tips)
+    points = body_points(poses)
     without = len(page(make_overlays(recording, rows[:0], points[:0], 0)))
     if without > limit:
         raise ValueError(
@@ -75,5 +77,6 @@ def make_page(numbers: dict[str, Any], recording: Recording, poses: Poses, score
     """The page as text."""
     return filled(
         "page.html", _SCRIPTS, recording.name, numbers,
-        facts=facts(recording, poses), bones=bone_lengths(poses, recording.skeleton), score=score_tables(scored),
+        facts=facts(recording, poses), bones=bone_lengths(poses, recording.skeleton), varying=varying_bones(poses),
+        score=score_tables(scored),
     )  # fmt: skip

@@ -73,8 +73,11 @@ class Charts {
   }
 
   distances(frame) {
-    const [points, truth] = [data.points, data.truth].map((steps) => pointsOf(steps, frame).slice(0, data.joints.length));
-    if (truth.includes(null)) return null;
+    const [points, truth] = [data.points, data.truth].map((steps) => {
+      const all = pointsOf(steps, frame);
+      return data.truth_joints.map((joint) => all[joint]);
+    });
+    if (truth.length === 0 || truth.includes(null)) return null;
     return points.map((point, i) => 1000 * Math.hypot(...point.map((x, k) => x - truth[i][k])));
   }
 

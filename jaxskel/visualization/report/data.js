@@ -38,6 +38,13 @@ function readColours() {
 const sideOf = [...data.joints, ...data.tips].map((name) =>
   name.startsWith("l_") ? "left" : name.startsWith("r_") ? "right" : "middle");
 
+// A left joint and the right one that tell where the front is: hips, or else any; none where nothing has two sides.
+function acrossOf() {
+  const lefts = data.joints.filter((name) => name.startsWith("l_") && data.joints.includes(`r_${name.slice(2)}`));
+  const name = lefts.includes("l_hip") ? "l_hip" : lefts[0];
+  return name === undefined ? [] : [name, `r_${name.slice(2)}`].map((each) => data.joints.indexOf(each));
+}
+
 const hasPose = (frame) => data.with_pose.includes(data.status[frame]);
 const statusName = (frame) => data.statuses[data.status[frame]];
 

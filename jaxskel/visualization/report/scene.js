@@ -1,7 +1,7 @@
 "use strict";
 // The skeleton in 3D: floor, shadow, cameras, bones, and how far each joint may be off.
 
-const BONE = 0.045; // m, width of a bone
+const BONE = data.bone; // m, width of a bone
 const GRID = 0.5; // m between the lines of the floor
 
 const between = (start, end, share) => start.map((x, k) => x + share * (end[k] - x));
@@ -34,12 +34,12 @@ class Scene {
     return { low, high, floor: lowest[Math.floor(lowest.length / 50)] };
   }
 
-  // Looks at the person of the first pose from ahead and a little aside.
+  // Looks at the subject of the first pose from ahead and a little aside.
   front() {
     const { low, high, floor } = this.room;
-    const [left, right] = ["l_hip", "r_hip"].map((name) => data.joints.indexOf(name));
+    const [left, right] = acrossOf();
     let azimuth = -Math.PI / 3;
-    for (let frame = 0; frame < data.frames; frame++) {
+    for (let frame = 0; left !== undefined && frame < data.frames; frame++) {
       if (!hasPose(frame)) continue;
       const points = pointsOf(data.points, frame);
       const [x, y] = [0, 1].map((k) => points[left][k] - points[right][k]);
@@ -70,7 +70,7 @@ class Scene {
       const sure = data.confidence[frame * data.joints.length + of] / 255;
       // What lies behind is cut off, but not the bones that meet at a joint: the rim leaves out both ends.
       this.pen.lineCap = "butt";
-      this.stroke([between(...ends, 0.25), between(...ends, 0.75)], colours.panel, BONE + 0.02, 1);
+      this.stroke([between(...ends, 0.25), between(...ends, 0.75)], colours.panel, BONE * 13 / 9, 1);
       this.pen.lineCap = "round";
       this.stroke(ends, colours[sideOf[joint]], BONE, 0.25 + 0.75 * sure);
     }
@@ -175,7 +175,7 @@ class Scene {
       this.pen.fill();
       if (!head) return;
       this.pen.beginPath();
-      this.pen.arc(dot.x, dot.y, 0.1 * dot.scale, 0, 2 * Math.PI);
+      this.pen.arc(dot.x, dot.y, BONE / 0.45 * dot.scale, 0, 2 * Math.PI);
       this.pen.strokeStyle = colours.middle;
       this.pen.lineWidth = 2;
       this.pen.stroke();

@@ -8,9 +8,10 @@ from jaxtyping import Float, Int
 from ...pipeline import Settings, prepare
 from ...poses import STATUS_NAMES, WITH_POSE, Poses
 from ...recording import Recording, recording_rows
+from .. import node_labels, thickness
 from ._rerun import rr
 from ._skeleton import body_points, log_skeleton
-from ._stages import LABELS, FrameStages, stages_of_frames
+from ._stages import FrameStages, stages_of_frames
 from ._views import log_cameras, log_projections, log_silhouettes
 
 # Colour and radius of hull points: touching points would hide graph and skeleton inside, as the viewer draws them
@@ -56,16 +57,18 @@ def log_recording(
     if poses is not None:
         for name, title in (("joints", "joints, mean"), ("sides", "left and right")):
             stream.log(f"confidence/{name}", rr.SeriesLines(names=title), static=True)
+    labels = node_labels(prepared.skeleton.template)
+    thick = 1.0 if poses is None else thickness(poses.template, np.concatenate([poses.joints, poses.tips], 1))
     stages = stages_of_frames(recording, rows, prepared, settings)
     for done, (row, place, found) in enumerate(zip(rows.tolist(), places.tolist(), stages, strict=True), 1):
         stream.set_time("frame", sequence=int(recording.frame_index[row]))
         stream.set_time("time", duration=row / recording.fps)
         log_silhouettes(stream, recording.cameras, found.silhouettes)
-        _log_stages(stream, found, settings.hull.spacing)
+        _log_stages(stream, found, labels, settings.hull.spacing / prepared.scale)
         status = found.status if poses is None else poses.status[place]
         _log_status(stream, int(recording.frame_index[row]), int(status))
         if poses is not None:
-            _log_pose(stream, recording, poses, place)
+            _log_pose(stream, recording, poses, place, thick)
         if on_frame is not None:
             on_frame(done, len(rows))
     return len(rows)
@@ -93,11 +96,11 @@ def _up_axis(up: str) -> rr.components.ViewCoordinates:
     return getattr(rr.ViewCoordinates, f"RIGHT_HAND_{up[1]}_{'UP' if up[0] == '+' else 'DOWN'}")
 
 
-def _log_stages(stream: rr.RecordingStream, found: FrameStages, spacing: float) -> None:
+def _log_stages(stream: rr.RecordingStream, found: FrameStages, names: tuple[str, ...], spacing: float) -> None:
     stream.log("world/hull", rr.Points3D(_single(found.surface), radii=_DOT * spacing, colors=_HULL))
     stream.log("world/graph", rr.LineStrips3D(_single(found.edges), radii=_EDGE, colors=_GRAPH))
     there = np.isfinite(found.named).all(1)
-    labels = [LABELS[i] for i in np.flatnonzero(there)]
+    labels = [names[i] for i in np.flatnonzero(there)]
     nodes = rr.Points3D(_single(found.named[there]), radii=_NODE, colors=_GRAPH, labels=labels, show_labels=True)
     stream.log("world/labels", nodes)
 
@@ -107,10 +110,10 @@ def _log_status(stream: rr.RecordingStream, number: int, status: int) -> None:
     stream.log("status", rr.TextLog(f"frame {number}: {STATUS_NAMES[status]}", level=level))
 
 
-def _log_pose(stream: rr.RecordingStream, recording: Recording, poses: Poses, place: int) -> None:
+def _log_pose(stream: rr.RecordingStream, recording: Recording, poses: Poses, place: int, thick: float) -> None:
     points = body_points(poses, place)
-    log_skeleton(stream, points, poses.confidence[place].astype(np.float64))
-    log_projections(stream, recording.cameras, points)
+    log_skeleton(stream, poses.template, points, poses.confidence[place].astype(np.float64), thick)
+    log_projections(stream, recording.cameras, poses.template, points)
     stream.log("confidence/joints", rr.Scalars(float(poses.confidence[place].mean())))
     stream.log("confidence/sides", rr.Scalars(float(poses.side_confidence[place])))
 

@@ -13,9 +13,6 @@ from ...pipeline import Prepared, Settings, observe_batch
 from ...poses import Status
 from ...recording import Recording
 
-LABELS = ("head", "left hand", "right hand", "left foot", "right foot", "neck", "pelvis")
-"""Labelled nodes of the graph, in the order of `FrameStages.named`."""
-
 _NEIGHBOURS = np.concatenate([np.eye(3, dtype=int), -np.eye(3, dtype=int)])
 
 
@@ -28,14 +25,14 @@ class FrameStages(eqx.Module):
         surface: Centres of the voxels at the surface of the hull (m): that of the person, or, if enough views show
             something other than one whole person, that of everything carved.
         edges: Edges of the skeletal graph (m); none without a person.
-        named: Positions of the `LABELS` nodes (m); NaN if not found.
+        named: Positions of the labelled end nodes, then of the inner nodes (m); NaN if not found.
     """
 
     silhouettes: UInt8[np.ndarray, "cams h w8"]
     status: Status
     surface: Float[np.ndarray, "voxels 3"]
     edges: Float[np.ndarray, "edges 2 3"]
-    named: Float[np.ndarray, "labels=7 3"]
+    named: Float[np.ndarray, "labels 3"]
 
 
 def stages_of_frames(
@@ -49,6 +46,8 @@ def stages_of_frames(
         prepared: Result of `prepare` for the recording.
         settings: Settings of the stages.
     """
+    template = prepared.skeleton.template
+    labels = len(template.tip_names) + len(template.inner)
     for start in range(0, len(rows), FRAMES_PER_WORD):
         found = observe_batch(recording[rows[start : start + FRAMES_PER_WORD]], prepared, settings, outlines=False)
         seen = found.seen
@@ -62,13 +61,14 @@ def stages_of_frames(
         if prepared.table is not None and refused.any():
             everything = carve(found.silhouettes, prepared.table, seen.empty_views, prepared.max_misses)
         for frame in range(len(found.silhouettes)):
-            surface, edges, named = np.zeros((0, 3)), np.zeros((0, 2, 3)), np.full((len(LABELS), 3), np.nan)
+            surface, edges, named = np.zeros((0, 3)), np.zeros((0, 2, 3)), np.full((labels, 3), np.nan)
             if frame in person and seen.hulls is not None:
                 i = person[frame]
                 surface, edges, named = surface_centres(seen.hulls, i), _edges(graphs[i]), _named(limbs, i)
             elif refused[frame] and everything is not None:
                 surface = surface_centres(everything, frame)
-            back = prepared.to_z_up
+            # The stages' world may be larger than the recording's.
+            back = prepared.to_z_up / prepared.scale
             status = Status(int(seen.status[frame]))
             yield FrameStages(found.silhouettes[frame], status, surface @ back, edges @ back, named @ back)
 
@@ -93,6 +93,6 @@ def _edges(graph: SkeletalGraph) -> Float[np.ndarray, "edges 2 3"]:
     return np.stack([graph.positions[1:], graph.positions[graph.parents[1:]]], axis=1)
 
 
-def _named(limbs: Limbs, frame: int) -> Float[np.ndarray, "labels=7 3"]:
+def _named(limbs: Limbs, frame: int) -> Float[np.ndarray, "labels 3"]:
     ends = np.where(limbs.found[frame, :, None], limbs.ends[frame], np.nan)
-    return np.concatenate([ends, limbs.neck[None, frame], limbs.pelvis[None, frame]])
+    return np.concatenate([ends, limbs.inner[frame]])

@@ -4,11 +4,11 @@ import cv2
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
+from ...body import SkeletonTemplate
 from ...cameras import Cameras, project
 from ...recording import unpack_silhouettes
-from .. import BONES, draw_silhouette
+from .. import colours_of, draw_silhouette, drawn_bones
 from ._rerun import rr
-from ._skeleton import BONE_COLOURS
 
 LONG_SIDE = 640
 """Longer side of a view, at most (px), so that minutes of silhouettes fit into the viewer's memory."""
@@ -54,15 +54,18 @@ def log_silhouettes(stream: rr.RecordingStream, cameras: Cameras, packed: UInt8[
         stream.log(f"{camera_path(name)}/silhouette", rr.EncodedImage(contents=contents, media_type="image/png"))
 
 
-def log_projections(stream: rr.RecordingStream, cameras: Cameras, points: Float[np.ndarray, "points=20 3"]) -> None:
+def log_projections(
+    stream: rr.RecordingStream, cameras: Cameras, template: SkeletonTemplate, points: Float[np.ndarray, "points 3"]
+) -> None:
     """Draw the bones of one frame (world, m) into every view, with lens distortion, where the view sees them."""
+    ends, colours = drawn_bones(template), colours_of(template)
     u, v, _ = project(cameras, points)
     factors = np.array([display_size(size) / size for size in cameras.size])
     uv = (np.stack([u, v], -1) + 0.5) * factors[:, None]
     for name, seen in zip(cameras.names, uv, strict=True):
-        bones = seen[BONES]
+        bones = seen[ends]
         drawn = np.isfinite(bones).all((1, 2))
-        lines = rr.LineStrips2D(bones[drawn].astype(np.float32), colors=BONE_COLOURS[drawn], radii=_LINE)
+        lines = rr.LineStrips2D(bones[drawn].astype(np.float32), colors=colours[ends[drawn, 0]], radii=_LINE)
         stream.log(f"{camera_path(name)}/skeleton", lines)
 
 
