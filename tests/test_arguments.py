@@ -161,6 +161,12 @@ WRONG = {
         ),
         "a coupling is the same for all frames",
     ),
+    "follows of half of the frames": (
+        lambda: refined(js.refine_sequence, solver=sequence_solver(), follows=np.ones(3, bool)), "follows:"
+    ),
+    "follows as numbers": (
+        lambda: refined(js.refine_sequence, solver=sequence_solver(), follows=np.arange(FRAMES)), "follows:"
+    ),
     "data of half of the frames": (lambda: given().problem.observed.with_data(goals=np.zeros((3, 15, 3))), "goals:"),
     "labels of half of the frames": (
         lambda: refined(js.learn_weights, solver=default_solver(), labels=np.zeros((FRAMES // 2, 15, 3))), "labels:"

@@ -4,7 +4,9 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optimistix as optx
+from jaxtyping import Bool
 
 from .._runtime.kinds import check_count, check_kind
 from ..body import Body, Pose, Skeleton
@@ -77,6 +79,21 @@ def check_sequence(
         for name, term in objective.terms.items():
             if isinstance(term, FunctionTerm | FunctionCoupling):
                 _check_parameters(name, term, parametrisation, skeleton, initial, observed)
+
+
+def check_follows(follows: Any, frames: int) -> Bool[np.ndarray, " frames"]:
+    """Which frames follow the one before them, as an array; refuse what says it of other frames.
+
+    Raises:
+        ValueError: One line that names the argument.
+    """
+    found = np.asarray(follows)
+    if found.dtype != np.bool_ or found.shape != (frames,):
+        raise ValueError(
+            f"follows: is {found.dtype} of shape {found.shape}; give a boolean for each of the {frames} frames, such "
+            "as np.diff(problem.frames, prepend=-1) == 1"
+        )
+    return found
 
 
 def _check_parameters(
