@@ -19,11 +19,15 @@ class ObjectiveFile(eqx.Module):
 
     The file is executed once in each process, so that it can be sent to others by its path.
 
+    Attributes:
+        alone: Whether terms that couple frames are left out, as for a search, which looks at single frames.
+
     Raises:
         ValueError: One line that names the file.
     """
 
     path: Path
+    alone: bool = False
 
     def __check_init__(self):
         """Refuse a file that cannot be executed, or has no objective."""
@@ -32,7 +36,8 @@ class ObjectiveFile(eqx.Module):
     def __call__(self, body: Body) -> Objective:
         """The objective for a subject."""
         try:
-            return objective_of(getattr(_executed(self.path), _NAME), body)
+            found = objective_of(getattr(_executed(self.path), _NAME), body)
+            return found.without(*found.couplings) if self.alone and found.couplings else found
         except ValueError as error:
             raise ValueError(f"{self.path}: {error}") from None
 

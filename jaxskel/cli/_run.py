@@ -11,7 +11,7 @@ import typer
 from ..batch import Method
 from ..io.poses import write_poses
 from ..io.recordings import holds_volumes, read_data
-from ..pipeline import HullSettings, Settings, advice, advice_for_volumes, paper_settings
+from ..pipeline import HullSettings, Settings, advice, advice_for_volumes, check_apart, paper_settings
 from ..poses import Poses, smooth
 from ..search import Tracking
 from ..verdict import doubts_before_work
@@ -87,6 +87,8 @@ def run(
     method = Method(settings, smooth_hz, subject)
     check_number("--smooth", smooth_hz, 1e-3, 1e6, "a cutoff in Hz")
     check_number("--jobs", jobs, 1, MOST_JOBS, "a number of processes")
+    if jobs > 1:
+        check_apart(settings, "but several processes take batches apart; leave out --jobs, or the term")
     others = [path for path in (subject, objective, data) if path is not None]
     check_output(output, POSES_FILES, [*files_of(source), *others])
     settings, times = method.settings_for_subject(), StageTimes()
@@ -130,7 +132,8 @@ def found_subject(poses: Poses) -> str:
 
 def _with_objective(settings: Settings, objective: ObjectiveFile) -> Settings:
     """The settings with an objective for the search, if there is one, and for the refinement."""
-    search = None if settings.search is None else replace(settings.search, objective=objective)
+    alone = ObjectiveFile(objective.path, alone=True)
+    search = None if settings.search is None else replace(settings.search, objective=alone)
     return replace(settings, search=search, refinement=replace(settings.refinement, objective=objective))
 
 
