@@ -15,7 +15,7 @@ from ..pipeline import HullSettings, Settings, advice, advice_for_volumes, check
 from ..poses import Poses, smooth
 from ..search import Tracking
 from ..verdict import doubts_before_work
-from ._objective import ObjectiveFile
+from ._objective import ObjectiveOption, with_objective
 from ._outputs import check_output as check_output
 from ._outputs import check_output_file as check_output_file
 from ._outputs import files_of
@@ -72,18 +72,13 @@ def run(
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Number of processes, each on its own core.")] = 1,
     smooth_hz: Smooth = None,
     anyway: Anyway = False,
-    objective: Annotated[
-        Path | None,
-        typer.Option(help="Python file with objective(body): what search and refinement minimise. It is executed."),
-    ] = None,
+    objective: ObjectiveOption = None,
     data: Annotated[
         Path | None, typer.Option(help="Arrays with a row for each frame (.npz), for the terms of the objective.")
     ] = None,
 ) -> None:
     """Reconstruct every frame; write poses.npz and poses.csv."""
-    settings = make_settings(preset, spacing, max_misses, box, track)
-    if objective is not None:
-        settings = _with_objective(settings, ObjectiveFile(objective))
+    settings = with_objective(make_settings(preset, spacing, max_misses, box, track), objective)
     method = Method(settings, smooth_hz, subject)
     check_number("--smooth", smooth_hz, 1e-3, 1e6, "a cutoff in Hz")
     check_number("--jobs", jobs, 1, MOST_JOBS, "a number of processes")
@@ -128,13 +123,6 @@ def found_subject(poses: Poses) -> str:
     if deviation is None:
         return f"unknown subject: stature {stature:.2f} m, average proportions"
     return f"unknown subject: stature {stature:.2f} +- {deviation:.2f} m"
-
-
-def _with_objective(settings: Settings, objective: ObjectiveFile) -> Settings:
-    """The settings with an objective for the search, if there is one, and for the refinement."""
-    alone = ObjectiveFile(objective.path, alone=True)
-    search = None if settings.search is None else replace(settings.search, objective=alone)
-    return replace(settings, search=search, refinement=replace(settings.refinement, objective=objective))
 
 
 def refuse_carving(
