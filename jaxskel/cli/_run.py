@@ -13,6 +13,7 @@ from ..io.poses import write_poses
 from ..io.recordings import holds_volumes, read_data
 from ..pipeline import HullSettings, Settings, advice, advice_for_volumes, check_apart, paper_settings
 from ..poses import Poses, smooth
+from ..recording import UP_AXES
 from ..search import Tracking
 from ..verdict import doubts_before_work
 from ._objective import ObjectiveOption, with_objective
@@ -76,6 +77,10 @@ def run(
     data: Annotated[
         Path | None, typer.Option(help="Arrays with a row for each frame (.npz), for the terms of the objective.")
     ] = None,
+    up: Annotated[
+        str | None,
+        typer.Option(help="World axis that points up in voxels or a mesh; by default what the file says."),
+    ] = None,
 ) -> None:
     """Reconstruct every frame; write poses.npz and poses.csv."""
     settings = with_objective(make_settings(preset, spacing, max_misses, box, track), objective)
@@ -84,6 +89,8 @@ def run(
     check_number("--jobs", jobs, 1, MOST_JOBS, "a number of processes")
     if jobs > 1:
         check_apart(settings, "but several processes take batches apart; leave out --jobs, or the term")
+    if up is not None:
+        _check_up(up, source)
     others = [path for path in (subject, objective, data) if path is not None]
     check_output(output, POSES_FILES, [*files_of(source), *others])
     settings, times = method.settings_for_subject(), StageTimes()
@@ -91,11 +98,11 @@ def run(
         refuse_carving(source, spacing, max_misses, box, jobs)
         if data is not None:
             raise ValueError(f"--data: --preset paper takes the voxels of {source} as they are; leave it out")
-        given = method.read_volumes(source)
+        given = method.read_volumes(source, up)
         poses = volumes_with_progress(given, settings, times)
         problem = advice_for_volumes(poses)
     else:
-        given = method.read(source)
+        given = method.read(source, up)
         if data is not None:
             given = read_data(data, given)
         for told in doubts_before_work(source, given, anyway):
@@ -123,6 +130,14 @@ def found_subject(poses: Poses) -> str:
     if deviation is None:
         return f"unknown subject: stature {stature:.2f} m, average proportions"
     return f"unknown subject: stature {stature:.2f} +- {deviation:.2f} m"
+
+
+def _check_up(up: str, source: Path) -> None:
+    """Refuse what is no axis, and an axis for recordings that say their own."""
+    if up not in UP_AXES:
+        raise ValueError(f"--up {up}: give one of {', '.join(UP_AXES)}")
+    if not holds_volumes(source):
+        raise ValueError(f"--up: is for voxels and meshes, but {source} says its own; leave it out")
 
 
 def refuse_carving(
