@@ -156,8 +156,8 @@ def test_a_batch_computes_again_with_another_objective_only(folder, scene):
         done = jaxskel("batch", *given, "mine.py", cwd=folder)
         assert done.returncode == 0, done.stderr
         assert told in done.stdout
-    objective = json.loads((folder / "out" / "scene" / "manifest.json").read_text())["method"]["settings"]["refinement"]
-    assert objective["objective"]["class"] == "ObjectiveFile"
+    manifest = json.loads((folder / "out" / "scene" / "manifest.json").read_text())
+    assert manifest["work"]["method"]["settings"]["refinement"]["objective"]["class"] == "ObjectiveFile"
 
 
 @pytest.mark.parametrize(
