@@ -12,7 +12,7 @@ import pytest
 
 import jaxskel as js
 from jaxskel.refinement.solvers import default_solver, sequence_solver
-from jaxskel.refinement.terms import ArmCollision, from_function, paper_objective
+from jaxskel.refinement.terms import ArmCollision, coupling_from_function, from_function, paper_objective
 from jaxskel.synthetic import camera_ring, make_scene
 
 FRAMES = 6
@@ -54,6 +54,10 @@ def half(tree):
 
 
 def pulled(body, observed, goals):
+    return body.joints - goals
+
+
+def held(before, body, after, goals):
     return body.joints - goals
 
 
@@ -149,6 +153,19 @@ WRONG = {
     "a parameter with a row for each frame": (
         lambda: refined(objective=paper_objective().plus(pull=from_function(pulled, np.zeros((FRAMES, 15, 3))))),
         "with_data",
+    ),
+    "a coupling with a row for each frame": (
+        lambda: refined(
+            js.refine_sequence, solver=sequence_solver(),
+            objective=paper_objective().plus(pull=coupling_from_function(held, np.zeros((FRAMES, 15, 3)))),
+        ),
+        "a coupling is the same for all frames",
+    ),
+    "follows of half of the frames": (
+        lambda: refined(js.refine_sequence, solver=sequence_solver(), follows=np.ones(3, bool)), "follows:"
+    ),
+    "follows as numbers": (
+        lambda: refined(js.refine_sequence, solver=sequence_solver(), follows=np.arange(FRAMES)), "follows:"
     ),
     "data of half of the frames": (lambda: given().problem.observed.with_data(goals=np.zeros((3, 15, 3))), "goals:"),
     "labels of half of the frames": (

@@ -50,14 +50,9 @@ class CachedJit(Generic[P, R]):
     argument is not from this package or its libraries, because in a notebook the same name may later mean another term.
     """
 
-    def __init__(
-        self,
-        function: Callable[P, R],
-        options: dict[str, Any] | None = None,
-        check: Callable[..., None] = lambda *args, **kwargs: None,
-    ):
+    def __init__(self, function: Callable[P, R], options: dict[str, Any] | None = None):
         self._function: Callable[..., R] = function
-        self._options, self._check = options or {}, check
+        self._options = options or {}
         self._name = f"{function.__module__}.{function.__qualname__}"
         self._traced = eqx.filter_jit(function)  # within another function, which has the compiler's options
         self._known: dict[Hashable, Callable[[list[Any]], R] | None] = {}
@@ -65,7 +60,6 @@ class CachedJit(Generic[P, R]):
         update_wrapper(self, function)
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
-        self._check(*args, **kwargs)
         leaves, structure = jax.tree.flatten((args, kwargs))
         leaves = [_plain(leaf) for leaf in leaves]
         key, arrays = self._key(leaves, structure)
@@ -172,11 +166,6 @@ class CachedJit(Generic[P, R]):
 def cached_jit(function: Callable[P, R]) -> CachedJit[P, R]:
     """Compile a function and store it on disk, see [`CachedJit`][]."""
     return CachedJit(function)
-
-
-def checked_jit(check: Callable[..., None]) -> Callable[[Callable[P, R]], CachedJit[P, R]]:
-    """As [`cached_jit`][]; `check` refuses wrong arguments in each call, before anything is compiled."""
-    return lambda function: CachedJit(function, check=check)
 
 
 def quickly_compiled(function: Callable[P, R]) -> CachedJit[P, R]:

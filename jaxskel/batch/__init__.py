@@ -11,6 +11,7 @@ from ._one import reconstruct_one as reconstruct_one
 from ._places import check_places as check_places
 from ._run import BatchResult as BatchResult
 from ._run import Shard as Shard
+from ._run import check_uncoupled as check_uncoupled
 from ._run import run_batch as run_batch
 from ._sources import Source as Source
 from ._sources import find_sources as find_sources

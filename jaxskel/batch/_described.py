@@ -9,7 +9,10 @@ import numpy as np
 
 
 def described(value: Any) -> Any:
-    """A value as JSON data: a Module by its class and fields, functions and classes by their names."""
+    """A value as JSON data: a Module by its class and fields, functions and classes by their names.
+
+    Fields with the metadata ``described=False`` are left out: they do not affect the poses.
+    """
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if isinstance(value, np.ndarray | np.generic | jax.Array):
@@ -21,7 +24,8 @@ def described(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [described(each) for each in value]
     if is_dataclass(value) and not isinstance(value, type):
-        held = {field.name: described(getattr(value, field.name)) for field in fields(value)}
+        told = [field for field in fields(value) if field.metadata.get("described", True)]
+        held = {field.name: described(getattr(value, field.name)) for field in told}
         return {"class": _name(type(value))} | held
     return _name(value if hasattr(value, "__qualname__") else type(value))
 

@@ -32,13 +32,13 @@ class Method:
     subject: Path | None = None
     anyway: bool = False
 
-    def read(self, source: Path) -> Recording:
-        """Read a recording, with the subject if one is given."""
-        return self._completed(source, read_recording(source))
+    def read(self, source: Path, up: str | None = None) -> Recording:
+        """Read a recording, with the subject if one is given; `up` as for `read_recording`."""
+        return self._completed(source, read_recording(source, up=up))
 
-    def read_volumes(self, source: Path) -> Volumes:
-        """Read volumes, with the subject if one is given."""
-        return self._completed(source, read_volumes(source))
+    def read_volumes(self, source: Path, up: str | None = None) -> Volumes:
+        """Read volumes, with the subject if one is given; `up` as for `read_volumes`."""
+        return self._completed(source, read_volumes(source, up=up))
 
     def _completed(self, source: Path, given: _Given) -> _Given:
         if self.smooth_hz is not None and not 0 < self.smooth_hz < given.fps / 2:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..pipeline import check_apart
 from ._manifest import Manifest, Outcome
 from ._method import Method
 from ._one import finished_before
@@ -52,6 +53,15 @@ class BatchResult:
         return {name: every[name] for name in sorted(every) if every[name].outcome is not Outcome.DONE}
 
 
+def check_uncoupled(method: Method) -> None:
+    """Refuse an objective that couples frames: a recording that was interrupted goes on at any batch of frames.
+
+    Raises:
+        ValueError: One line.
+    """
+    check_apart(method.settings, "but a batch goes on where it was interrupted; leave it out, or use `jaxskel run`")
+
+
 def run_batch(
     sources: Sequence[Source],
     output: Path,
@@ -87,13 +97,14 @@ def run_batch(
 
     Raises:
         ValueError: `jobs` or `timeout` is not positive, or a result would overlap with an input, would replace
-            somebody else's file, or cannot be written.
+            somebody else's file, or cannot be written; or the objective couples frames.
     """
     if jobs < 1:
         raise ValueError(f"{jobs} jobs: give at least one")
     if not timeout > 0:
         raise ValueError(f"a timeout of {timeout:g} s: give a positive number of seconds")
     method = method or Method()
+    check_uncoupled(method)
     check_places(sources, output, method.subject)
     before = {source.name: finished_before(source, output, method, request) for source in sources}
     there = {name: manifest for name, manifest in before.items() if manifest is not None}

@@ -23,12 +23,14 @@ from ..batch import (
     Outcome,
     Shard,
     check_places,
+    check_uncoupled,
     find_sources,
     run_batch,
 )
 from ..batch import Progress as Frames
 from ..io.subjects import read_subject
 from ..pipeline import HullSettings
+from ._objective import ObjectiveOption, with_objective
 from ._outputs import check_output
 from ._run import Box, MaxMisses, Preset, PresetOption, Smooth, Spacing, Subject, Track, make_settings
 from ._say import cell, say, warn
@@ -66,6 +68,7 @@ def batch(
     track: Track = False,
     smooth_hz: Smooth = None,
     anyway: Anyway = False,
+    objective: ObjectiveOption = None,
 ) -> None:
     """Reconstruct many recordings. When run again, it continues with those that are not done or have changed."""
     if not timeout > 0:
@@ -73,10 +76,13 @@ def batch(
     check_output(output)
     every = find_sources(inputs)
     sources = every if shard is None else _shard(shard).part(every)
+    # Absolute, because a node of a cluster may start in another folder.
     settings = make_settings(preset, spacing, max_misses, box, track)
+    settings = with_objective(settings, None if objective is None else objective.absolute())
     if subject is not None:
         read_subject(subject)  # check now, since its faults concern all recordings
     method = Method(settings, smooth_hz, subject, anyway)
+    check_uncoupled(method)
     request = uuid4().hex if force else ""
     if shard is not None or slurm is not None:  # each process sees only its own part
         check_places(every, output, subject)

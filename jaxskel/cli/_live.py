@@ -32,10 +32,11 @@ from ..live import (
     check_avatar,
     play,
 )
-from ..pipeline import HullSettings, Stream, warm_up
+from ..pipeline import HullSettings, Stream, check_apart, warm_up
 from ..poses import STATUS_NAMES, Poses
 from ..recording import Recording
 from ..search import Tracking
+from ._objective import ObjectiveOption, with_objective
 from ._outputs import check_output, files_of
 from ._poseless import end_without_pose
 from ._progress import progress_bar, summary
@@ -68,6 +69,7 @@ def live(
     osc: Annotated[
         str | None, typer.Option(metavar="HOST[:PORT]", help="Send poses to a program with an avatar, by VMC.")
     ] = None,
+    objective: ObjectiveOption = None,
 ) -> None:
     """Reconstruct frames as they come; show them in a browser, send them on, write poses.npz and poses.csv.
 
@@ -75,12 +77,15 @@ def live(
     """
     settings = make_settings(preset, HullSettings.spacing, max_misses, None)
     settings = settings if preset is Preset.PAPER else replace(settings, tracking=Tracking())
+    settings = with_objective(settings, objective)
+    check_apart(settings, "and a live session has one at a time; leave it out, or use `jaxskel run` afterwards")
     check_number("--fps", fps, 1e-3, _FASTEST, "frames per second")
     check_number("--seconds", seconds, 1e-3, _LONGEST, "a time in seconds")
     check_number("--port", port, 0, _PORTS, "a port, or 0 for a free one")
     target = None if osc is None else _host_and_port(osc)
     _check_new(output)
-    check_output(output, [*POSES_FILES, JOURNAL_FILE], [*files_of(source), *([] if subject is None else [subject])])
+    others = [path for path in (subject, objective) if path is not None]
+    check_output(output, [*POSES_FILES, JOURNAL_FILE], [*files_of(source), *others])
     body = None if subject is None else read_body(subject)
     if has_cameras(source):
         if fps is not None or loop:

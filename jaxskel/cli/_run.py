@@ -12,11 +12,12 @@ from ..batch import Method
 from ..body import Skeleton
 from ..io.poses import write_poses
 from ..io.recordings import holds_volumes, read_data
-from ..pipeline import HullSettings, Settings, advice, advice_for_volumes, paper_settings
+from ..pipeline import HullSettings, Settings, advice, advice_for_volumes, check_apart, paper_settings
 from ..poses import smooth
+from ..recording import UP_AXES
 from ..search import Tracking
 from ..verdict import doubts_before_work
-from ._objective import ObjectiveFile
+from ._objective import ObjectiveOption, with_objective
 from ._outputs import check_output as check_output
 from ._outputs import check_output_file as check_output_file
 from ._outputs import files_of
@@ -75,21 +76,24 @@ def run(
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Number of processes, each on its own core.")] = 1,
     smooth_hz: Smooth = None,
     anyway: Anyway = False,
-    objective: Annotated[
-        Path | None,
-        typer.Option(help="Python file with objective(body): what search and refinement minimise. It is executed."),
-    ] = None,
+    objective: ObjectiveOption = None,
     data: Annotated[
         Path | None, typer.Option(help="Arrays with a row for each frame (.npz), for the terms of the objective.")
     ] = None,
+    up: Annotated[
+        str | None,
+        typer.Option(help="World axis that points up in voxels or a mesh; by default what the file says."),
+    ] = None,
 ) -> None:
     """Reconstruct every frame; write poses.npz and poses.csv."""
-    settings = make_settings(preset, spacing, max_misses, box, track, template_of(template))
-    if objective is not None:
-        settings = _with_objective(settings, ObjectiveFile(objective))
+    settings = with_objective(make_settings(preset, spacing, max_misses, box, track, template_of(template)), objective)
     method = Method(settings, smooth_hz, subject)
     check_number("--smooth", smooth_hz, 1e-3, 1e6, "a cutoff in Hz")
     check_number("--jobs", jobs, 1, MOST_JOBS, "a number of processes")
+    if jobs > 1:
+        check_apart(settings, "but several processes take batches apart; leave out --jobs, or the term")
+    if up is not None:
+        _check_up(up, source)
     others = [path for path in (subject, objective, data) if path is not None] + files_of_template(template)
     check_output(output, POSES_FILES, [*files_of(source), *others])
     settings, times = method.settings_for_subject(), StageTimes()
@@ -97,11 +101,11 @@ def run(
         refuse_carving(source, spacing, max_misses, box, jobs)
         if data is not None:
             raise ValueError(f"--data: --preset paper takes the voxels of {source} as they are; leave it out")
-        given = method.read_volumes(source)
+        given = method.read_volumes(source, up)
         poses = volumes_with_progress(given, settings, times)
         problem = advice_for_volumes(poses)
     else:
-        given = method.read(source)
+        given = method.read(source, up)
         if data is not None:
             given = read_data(data, given)
         for told in doubts_before_work(source, given, anyway):
@@ -122,10 +126,12 @@ def run(
         raise typer.Exit(1)
 
 
-def _with_objective(settings: Settings, objective: ObjectiveFile) -> Settings:
-    """The settings with an objective for the search, if there is one, and for the refinement."""
-    search = None if settings.search is None else replace(settings.search, objective=objective)
-    return replace(settings, search=search, refinement=replace(settings.refinement, objective=objective))
+def _check_up(up: str, source: Path) -> None:
+    """Refuse what is no axis, and an axis for recordings that say their own."""
+    if up not in UP_AXES:
+        raise ValueError(f"--up {up}: give one of {', '.join(UP_AXES)}")
+    if not holds_volumes(source):
+        raise ValueError(f"--up: is for voxels and meshes, but {source} says its own; leave it out")
 
 
 def refuse_carving(

@@ -11,6 +11,7 @@ from ._calibrate_body import STAGES as STAGES
 from ._calibrate_body import CalibratedBody as CalibratedBody
 from ._calibrate_body import MeasuredLength as MeasuredLength
 from ._calibrate_body import calibrate_body as calibrate_body
+from ._coupled_batches import check_apart as check_apart
 from ._observe_batch import observe_batch as observe_batch
 from ._parallel import reconstruct_parallel as reconstruct_parallel
 from ._prepare import prepare as prepare

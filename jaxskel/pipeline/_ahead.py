@@ -31,7 +31,8 @@ def compile_ahead(skeleton: Skeleton, observed: Observed, settings: Settings) ->
     threads = ThreadPoolExecutor(usable_cores())
     fits_ahead(threads, model, stack)
     objective = settings.refinement.objective_for(body)
-    refine_ahead(threads, poses, stack, skeleton, objective, settings.refinement)
+    if not objective.couplings:  # those are compiled for a sequence
+        refine_ahead(threads, poses, stack, skeleton, objective, settings.refinement)
     limbs_ahead(threads, model, settings.search, stack)
     bundle_ahead(threads, skeleton, poses, stack.thinned(THINNED))
     threads.shutdown(wait=False)

@@ -10,7 +10,8 @@ from .._runtime.worker_processes import WorkerProcess, pickled
 from ..poses import Poses
 from ..recording import Recording
 from ..search import Track
-from ._prepare import prepare
+from ._coupled_batches import check_apart
+from ._prepare import check_given, prepare
 from ._prepared import Prepared
 from ._reconstruct import BATCH, reconstruct_batch
 from ._settings import Settings
@@ -33,12 +34,15 @@ def reconstruct_parallel(
         prepared: Result of `prepare` for this recording and these settings.
 
     Raises:
-        ValueError: `jobs` is less than one, or the settings hold functions that other processes do not know.
+        ValueError: `jobs` is less than one, the objective couples frames, or the settings hold functions that other
+            processes do not know.
         MemoryError: A process was killed.
     """
     if jobs < 1:
         raise ValueError(f"{jobs} jobs: give at least one")
     settings = settings or Settings()
+    check_given(recording, settings)
+    check_apart(settings, "but several processes take batches apart; leave it out, or take one, as reconstruct does")
     prepared = prepared or prepare(recording, settings)
     work = pickled(_ReconstructBatch(prepared, settings), "settings", "call reconstruct")
     stretches = _stretches(len(recording), jobs, settings)

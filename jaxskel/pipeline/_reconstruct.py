@@ -6,8 +6,10 @@ from contextlib import nullcontext
 from ..hull import FRAMES_PER_WORD, Stopwatch
 from ..poses import Poses, join_poses
 from ..recording import Recording
+from ..refinement.terms import Objective
 from ..search import Track
 from ._assemble import assemble, frames_of
+from ._coupled_batches import Started, coupled_batches
 from ._prepare import check_given, prepare
 from ._prepared import Prepared
 from ._refine import refine
@@ -47,12 +49,33 @@ def reconstruct_batches(
     prepared: Prepared | None = None,
     stopwatch: Stopwatch = lambda _: nullcontext(),
 ) -> Iterator[Poses]:
-    """Reconstruct a recording batch by batch, in order: for long recordings and progress bars."""
+    """Reconstruct a recording batch by batch, in order: for long recordings and progress bars.
+
+    If the objective couples frames, each batch of 32 is refined together with the 16 frames before and after it.
+    """
     settings = settings or Settings()
     check_given(recording, settings)
     prepared = prepared or prepare(recording, settings)
+    objective = settings.refinement.objective_for(prepared.body)
+    if objective.couplings:
+        yield from coupled_batches(
+            _started(recording, settings, prepared, objective, stopwatch), prepared.skeleton, objective,
+            settings.refinement, prepared.stature_deviation, stopwatch,
+        )  # fmt: skip
+        return
     for poses, _ in batches_from(0, None, recording, settings, prepared, stopwatch):
         yield poses
+
+
+def _started(
+    recording: Recording, settings: Settings, prepared: Prepared, objective: Objective, stopwatch: Stopwatch
+) -> Iterator[Started]:
+    """All batches of a recording, before their refinement."""
+    track = None
+    for first in range(0, len(recording), BATCH):
+        part = recording[first : first + BATCH]
+        seen, start, track = start_of(part, prepared, settings, objective, track, stopwatch)
+        yield Started(frames_of(part, prepared, settings), seen, start)
 
 
 def batches_from(
@@ -63,7 +86,7 @@ def batches_from(
     prepared: Prepared,
     stopwatch: Stopwatch = lambda _: nullcontext(),
 ) -> Iterator[tuple[Poses, Track | None]]:
-    """Reconstruct a recording batch by batch, from a given frame on.
+    """Reconstruct a recording batch by batch, from a given frame on; the objective couples no frames.
 
     Args:
         first: Frame to begin with, counted from 0: a multiple of `BATCH`.
@@ -92,6 +115,7 @@ def reconstruct(recording: Recording, settings: Settings | None = None) -> Poses
 
     Returns:
         Poses in the recording's world, with a status for each frame. A frame that cannot be reconstructed has NaN
-        joints and a status that says why; it does not affect other frames.
+        joints and a status that says why; it does not affect other frames. If the objective couples frames, those that
+        follow one another are refined together, and one status says whether that has converged.
     """
     return join_poses(reconstruct_batches(recording, settings))

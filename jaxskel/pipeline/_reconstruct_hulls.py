@@ -14,6 +14,7 @@ from ..poses import Poses, join_poses
 from ..recording import rotation_to_z_up
 from ..volumes import Volumes, hulls_of, make_volumes
 from ._assemble import FramesOf, assemble
+from ._coupled_batches import Started, coupled_batches
 from ._observe_batch import graphs_of, label_graphs
 from ._prepare import SUBJECT_FRAMES, template_of
 from ._reconstruct import BATCH
@@ -69,21 +70,32 @@ def reconstruct_volumes(
     with stopwatch("prepare"):
         skeleton = volumes.skeleton or _template(volumes, settings)
     objective = settings.refinement.objective_for(settings.body or make_body(skeleton))
+    started = _started(volumes, skeleton, settings, stopwatch)
+    if objective.couplings:
+        yield from coupled_batches(started, skeleton, objective, settings.refinement, stopwatch=stopwatch)
+        return
+    for frames, seen, start in started:
+        refined = None
+        if start is not None:
+            with stopwatch("refine"):
+                refined = refine(start.poses, start.observed, skeleton, objective, settings.refinement)
+        yield assemble(frames, skeleton, seen, start, refined)
+
+
+def _started(volumes: Volumes, skeleton: Skeleton, settings: Settings, stopwatch: Stopwatch) -> Iterator[Started]:
+    """All batches of some volumes, before their refinement."""
     to_z_up = rotation_to_z_up(volumes.up)
     for first in range(0, len(volumes), BATCH):
         frames = np.arange(first, min(first + BATCH, len(volumes)))
         with stopwatch("graph"):
             seen = see_bodies(hulls_of(volumes, frames))
-        start = refined = None
+        start = None
         if len(seen.frames):
             assert seen.hulls is not None
             with stopwatch("graph"):
                 graphs = graphs_of(seen.hulls, skeleton, settings.graph)
             start = start_by_graph(label_graphs(graphs, skeleton, settings, stopwatch), BATCH, {})
-            with stopwatch("refine"):
-                refined = refine(start.poses, start.observed, skeleton, objective, settings.refinement)
-        numbered = FramesOf(to_z_up, volumes.up, volumes.fps, volumes.frame_index[frames])
-        yield assemble(numbered, skeleton, seen, start, refined)
+        yield Started(FramesOf(to_z_up, volumes.up, volumes.fps, volumes.frame_index[frames]), seen, start)
 
 
 def check_without_silhouettes(settings: Any) -> None:
@@ -98,7 +110,7 @@ def check_without_silhouettes(settings: Any) -> None:
         raise ValueError("template: voxels are matched with humans only; give silhouettes for another template")
     if settings.search is not None:
         needs = "a search"
-    elif settings.refinement.objective_for(settings.body or make_body(default_adult())).needs_outlines:
+    elif settings.usual_objective().needs_outlines:
         needs = "an objective of outlines"
     if needs is not None:
         raise ValueError(

@@ -94,8 +94,11 @@ class RefinementSettings(eqx.Module):
     """How the pose is refined (Sect. 3.3).
 
     Attributes:
-        objective: What is minimised: an objective, or a function that makes one for the subject's body.
+        objective: What is minimised: an objective, or a function that makes one for the subject's body. With terms that
+            couple frames, frames that follow one another are refined together.
         parametrisation: How a pose is expressed by unknowns.
+        solver: Solves for the unknowns. For coupled frames, `default_solver` works on a band of blocks, as
+            `sequence_solver` does; another solver must be matrix-free.
         rounds: Number of times that correspondences are looked up. With 1, 2 and 3 the median error is 9.5, 9.4 and 9.4
             mm on three test sequences: see `benchmarks/defaults.py`.
         max_steps: Largest number of steps of the solver in each round. With 4, 8 and 16 the median error is 9.4 mm on
@@ -163,7 +166,7 @@ class Settings(eqx.Module):
             return
         if self.tracking is not None:
             raise ValueError("tracking needs a search to start from: give Settings(search=Search()), or no tracking")
-        if self.refinement.objective_for(self.body or make_body(self.average)).needs_outlines:
+        if self.usual_objective().needs_outlines:
             raise ValueError(
                 "without a search only the graph is looked at, but the objective needs outlines: give "
                 "Settings(search=Search()), or paper_objective()"
@@ -173,6 +176,10 @@ class Settings(eqx.Module):
     def average(self) -> Skeleton:
         """The skeleton that is matched with the graph before anything is known of the subject."""
         return default_adult() if self.search is not None or self.template is None else self.template
+
+    def usual_objective(self) -> Objective:
+        """The refinement's objective for the body, or an average one: its terms do not depend on who somebody is."""
+        return self.refinement.objective_for(self.body or make_body(self.average))
 
 
 def paper_settings(template: Skeleton | None = None) -> Settings:

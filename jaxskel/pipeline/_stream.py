@@ -18,6 +18,7 @@ from ..poses import Poses, Status
 from ..recording import MIN_VIEWS, Recording, find_empty_views, rotation_to_z_up, silhouette_areas
 from ..search import Track, Tracking, before_next, hurried, lost, over_gap, search_is_due
 from ._better_subject import BetterSubject
+from ._coupled_batches import check_apart
 from ._moving_grid import MovingGrid, grid_around
 from ._prepare import place, with_grid, with_model, with_subject
 from ._prepared import Prepared
@@ -65,8 +66,8 @@ class Stream:
         fps: Frames per second.
 
     Raises:
-        ValueError: Fewer than three cameras, or `up` or `fps` makes no sense; or the subject is to be found, and the
-            settings hold functions that another process does not know.
+        ValueError: Fewer than three cameras, or `up` or `fps` makes no sense; or the objective couples frames; or the
+            subject is to be found, and the settings hold functions that another process does not know.
     """
 
     def __init__(
@@ -86,6 +87,7 @@ class Stream:
             raise ValueError(f"fps: a stream of {fps!r} frames per second; give a positive number")
         rotation_to_z_up(up)  # refuses what is no axis
         settings = streaming(settings)
+        check_apart(settings, "and a stream has one at a time; leave it out, or reconstruct a recording")
         if isinstance(subject, Body):
             settings, subject = replace(settings, body=subject), subject.skeleton
         width, height = cameras.size.max(0).tolist()

@@ -4,13 +4,15 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optimistix as optx
+from jaxtyping import Bool
 
 from .._runtime.kinds import check_count, check_kind
 from ..body import Body, Pose, Skeleton
 from .parametrisations import Parametrisation
 from .solvers import BandedEquations, NormalEquationsLM
-from .terms import FunctionTerm, Objective, Observed, check_objective
+from .terms import FunctionCoupling, FunctionTerm, Objective, Observed, check_objective
 
 
 def check_frames(objective: Any, parametrisation: Any, solver: Any, *others: Any, **named: Any) -> None:
@@ -75,19 +77,34 @@ def check_sequence(
                 )
     if isinstance(objective, Objective):
         for name, term in objective.terms.items():
-            if isinstance(term, FunctionTerm):
+            if isinstance(term, FunctionTerm | FunctionCoupling):
                 _check_parameters(name, term, parametrisation, skeleton, initial, observed)
+
+
+def check_follows(follows: Any, frames: int) -> Bool[np.ndarray, " frames"]:
+    """Which frames follow the one before them, as an array; refuse what says it of other frames.
+
+    Raises:
+        ValueError: One line that names the argument.
+    """
+    found = np.asarray(follows)
+    if found.dtype != np.bool_ or found.shape != (frames,):
+        raise ValueError(
+            f"follows: is {found.dtype} of shape {found.shape}; give a boolean for each of the {frames} frames, such "
+            "as np.diff(problem.frames, prepend=-1) == 1"
+        )
+    return found
 
 
 def _check_parameters(
     name: str,
-    term: FunctionTerm,
+    term: FunctionTerm | FunctionCoupling,
     parametrisation: Parametrisation,
     skeleton: Skeleton,
     initial: Pose,
     observed: Observed,
 ) -> None:
-    """Refuse a parameter with a row for each frame: a term sees one frame, and would be pulled to all rows at once."""
+    """Refuse a parameter with a row for each frame: each frame would be pulled to all rows at once."""
     frames, leaves = len(initial.root), jax.tree.leaves(term.parameters)
     if frames == 1 or all(leaf.ndim == 0 or len(leaf) != frames for leaf in leaves):
         return
@@ -101,7 +118,8 @@ def _check_parameters(
         def residual(initial: Pose, observed: Observed) -> Any:
             pose, frame = jax.tree.map(lambda a: a[0], initial), observed.of(jnp.int32(0))
             body = parametrisation.placed(parametrisation.begin(pose, skeleton), skeleton)
-            return term.function(body, frame, *jax.tree.map(of_one_row, term.parameters))
+            sees = (body, frame) if isinstance(term, FunctionTerm) else (body, body, body)
+            return term.function(*sees, *jax.tree.map(of_one_row, term.parameters))
 
         return sum(leaf.size for leaf in jax.tree.leaves(jax.eval_shape(residual, initial, observed)))
 
@@ -112,8 +130,13 @@ def _check_parameters(
         return
     if whole == frames * by_row:
         shapes = ", ".join(str(leaf.shape) for leaf in leaves if leaf.ndim and len(leaf) == frames)
-        raise ValueError(
-            f"objective: a parameter of its term {name!r} has one row for each of the {frames} frames ({shapes}), but "
+        remedy = (
             "a term sees one frame; give it with the frames, observed.with_data(name=array), and read "
             "observed.data['name']"
+            if isinstance(term, FunctionTerm)
+            else "a coupling is the same for all frames; give what holds for all, and what does not to a term of frames"
+        )
+        raise ValueError(
+            f"objective: a parameter of its term {name!r} has one row for each of the {frames} frames ({shapes}), but "
+            + remedy
         )

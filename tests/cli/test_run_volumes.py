@@ -12,6 +12,7 @@ import jaxskel as js
 from jaxskel.body import place_body, place_joints
 from jaxskel.hull import VoxelGrid
 from jaxskel.io import read_poses
+from jaxskel.recording import rotation_to_z_up
 from jaxskel.synthetic import camera_ring, demo_motion, detailed_body, make_scene
 
 PAPER = js.paper_settings()
@@ -97,24 +98,41 @@ def test_nobody_in_the_voxels(tmp_path):
     assert read_poses(tmp_path / "poses" / "poses.npz").counts() == {"empty": 1, "no_hull": 1}
 
 
-def test_a_scan(tmp_path):
+@pytest.mark.parametrize(("up", "options"), [("+Z", ()), ("-X", ("--up", "-X"))])
+def test_a_scan(tmp_path, up, options):
     trimesh = pytest.importorskip("trimesh", reason="meshes need trimesh")
     adult = js.default_adult()
     motion = demo_motion(adult, 1)
     ends, radii = (np.asarray(each) for each in place_body(detailed_body(adult), motion))
+    turned = rotation_to_z_up(up)
     ball = trimesh.creation.icosphere(subdivisions=2).vertices
     # Convex hulls of two balls each, which overlap.
     parts = [
         trimesh.convex.convex_hull(np.concatenate([end + radius * ball for end, radius in zip(*capsule, strict=True)]))
-        for capsule in zip(ends[0], radii, strict=True)
+        for capsule in zip(ends[0] @ turned, radii, strict=True)
     ]
     trimesh.util.concatenate(parts).export(tmp_path / "scan.ply")
-    done = jaxskel("run", "scan.ply", "-o", "poses", "--preset", "paper", cwd=tmp_path)
+    done = jaxskel("run", "scan.ply", "-o", "poses", "--preset", "paper", *options, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     poses = read_poses(tmp_path / "poses" / "poses.npz")
-    truth = np.asarray(place_joints(adult, motion)[0])
-    assert poses.counts() == {"ok": 1}
+    truth = np.asarray(place_joints(adult, motion)[0]) @ turned
+    assert (poses.counts(), poses.up) == ({"ok": 1}, up)
     assert np.median(np.linalg.norm(poses.joints - truth, axis=-1)) < 0.06
+
+
+@pytest.mark.parametrize(
+    ("source", "up", "told"),
+    [
+        ("voxels.npz", "up", "--up up: give one of +X, -X, +Y, -Y, +Z, -Z"),
+        ("scene.npz", "+Y", "--up: is for voxels and meshes, but scene.npz says its own; leave it out"),
+    ],
+)
+def test_an_axis_that_is_none_or_not_needed(voxels, source, up, told):
+    js.io.write_recording(voxels / "scene.npz", given()[0])
+    done = jaxskel("run", source, "-o", "poses", "--up", up, cwd=voxels)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert told in done.stderr
+    assert not (voxels / "poses").exists()
 
 
 @pytest.mark.slow

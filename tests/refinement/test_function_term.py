@@ -12,7 +12,7 @@ from support.phantoms import ideal_graph, pose_of
 from jaxskel import default_adult, refine_frames
 from jaxskel.refinement.parametrisations import ExactBones
 from jaxskel.refinement.solvers import NormalEquationsLM
-from jaxskel.refinement.terms import Objective, RestPrior, from_function, paper_objective, place
+from jaxskel.refinement.terms import Objective, RestPrior, coupling_from_function, from_function, paper_objective, place
 
 ADULT = jax.tree.map(lambda a: np.asarray(a, np.float32), default_adult())
 TRACES = []
@@ -97,6 +97,45 @@ def test_what_can_change_unseen_or_is_no_function_is_refused():
         from_function(np.linalg.norm)
     # An attribute with the name of an outer array does not use that array.
     from_function(cell("def f(body, observed):\n    return body.joints[5]\n", joints=np.zeros(3)))
+
+
+def test_a_function_of_three_frames_is_a_coupling():
+    bodies = [place(ADULT, pose_of(seed)) for seed in range(3)]
+
+    def slid(before, body, after, joints):
+        return (after.joints - before.joints)[:2] * joints
+
+    coupling = coupling_from_function(slid, np.array([[1.0], [2.0]]), weight=9.0)
+    wanted = (np.asarray(bodies[2].joints - bodies[0].joints)[:2]) * [[1.0], [2.0]]
+    np.testing.assert_allclose(coupling.residual(*bodies), wanted, rtol=1e-6)
+    objective = paper_objective().plus(slid=coupling)
+    assert list(objective.couplings) == ["slid"]
+    assert "slid" not in objective.of_frames
+    found = objective.coupled(*(jax.tree.map(lambda a: jnp.stack([a, a]), body) for body in bodies))
+    np.testing.assert_allclose(found["slid"], 3 * np.stack([wanted, wanted]), rtol=1e-5)
+    # Other numbers are the same program.
+    other = coupling_from_function(slid, np.array([[0.5], [0.1]]), weight=2)
+    assert jax.tree.structure(other) == jax.tree.structure(coupling)
+
+
+def test_a_coupling_is_refused_as_a_term_is():
+    def pull(before, body, after):
+        return body.joints[5] - GOAL  # noqa: F821
+
+    with pytest.raises(ValueError, match="no plain function.*derived from AbstractCoupling"):
+        coupling_from_function(np.linalg.norm)
+    with pytest.raises(ValueError, match=r"array `GOAL` from around.*coupling_from_function\(pull, GOAL\)"):
+        coupling_from_function(types.FunctionType(pull.__code__, {"GOAL": np.zeros(3)}, "pull"))
+
+
+@pytest.mark.parametrize("make", [from_function, coupling_from_function])
+def test_a_function_of_other_arguments_is_refused_in_one_line(make):
+    def residual(body):
+        return body.joints
+
+    told = rf"too many positional.*called with .*body.* and the parameters given to {make.__name__}$"
+    with pytest.raises(ValueError, match=told):
+        make(residual, 0.5)
 
 
 BONES, SOLVER = ExactBones(), NormalEquationsLM(rtol=1e-2, atol=3e-3)

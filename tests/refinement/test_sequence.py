@@ -15,7 +15,14 @@ from jaxskel.refinement._sequence import _nearest_of
 from jaxskel.refinement.parametrisations import ExactBones, SoftBones
 from jaxskel.refinement.solvers import BandedEquations, default_solver, sequence_solver
 from jaxskel.refinement.solvers._banded import solve_banded
-from jaxskel.refinement.terms import Objective, RestPrior, Smoothness, from_function
+from jaxskel.refinement.terms import (
+    AbstractTerm,
+    Objective,
+    RestPrior,
+    Smoothness,
+    coupling_from_function,
+    from_function,
+)
 
 ADULT = jax.tree.map(lambda a: np.asarray(a, np.float32), default_adult())
 BONES = ExactBones()
@@ -169,6 +176,75 @@ def test_other_parametrisations_and_short_sequences_work_too():
     assert result.finite.all()
     assert np.linalg.norm(points(result) - TRUTH[:2], axis=-1).max() < 0.01
     assert "bone_lengths" in result.costs
+
+
+ENDS = [0, 1, *range(15, 20)]  # what the markers determine
+TRACED = []
+
+
+class Counter(AbstractTerm):
+    """Counts how often it is traced."""
+
+    weight: float = 1.0
+    needs_graph = False
+
+    def residual(self, body, observed, fixed):
+        TRACED.append(1)
+        return 0.0 * body.joints[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("bones", [BONES, SoftBones()], ids=["exact", "soft"])
+def test_a_padded_sequence_is_refined_as_one_that_is_not(bones):
+    objective = smooth(0.1).plus(count=Counter())
+
+    def together(objective, initial, observed):
+        return refine_sequence(objective, bones, sequence_solver(), ADULT, initial, observed, 1, 4)
+
+    observed = markers(0.02)
+    found = {}
+    TRACED.clear()
+    for count in (12, 9, 11):  # all are padded to 16
+        found[count] = together(objective, *jax.tree.map(lambda a, count=count: a[:count], (INITIAL, observed)))
+        assert found[count].joints.shape == (count, 15, 3)
+        traced = len(TRACED) if count == 12 else traced
+        assert len(TRACED) == traced > 0
+    # What is compiled together with other code is not padded.
+    for count in (12, 9):
+        given = jax.tree.map(lambda a, count=count: a[:count], (INITIAL, observed))
+        alone = eqx.filter_jit(together)(objective, *given)
+        np.testing.assert_allclose(points(found[count]), points(alone), atol=2e-5)
+        variances = [np.trace(each.covariance, axis1=2, axis2=3) for each in (found[count], alone)]
+        np.testing.assert_allclose(*variances, rtol=0.05)
+        for name, cost in alone.costs.items():
+            np.testing.assert_allclose(found[count].costs[name], cost, rtol=1e-2, atol=1e-4)
+        np.testing.assert_array_equal(found[count].steps, alone.steps)
+        np.testing.assert_array_equal(found[count].converged, alone.converged)
+
+
+@pytest.mark.slow
+def test_no_coupling_crosses_a_gap():
+    observed = markers(0.02)
+    follows = np.arange(FRAMES) != 7
+    solved = refine_sequence(smooth(0.1), BONES, sequence_solver(), ADULT, INITIAL, observed, 4, 16, follows)
+    for place in (slice(7), slice(7, FRAMES)):
+        part = jax.tree.map(lambda a, place=place: a[place], (INITIAL, observed))
+        alone = refine_sequence(smooth(0.1), BONES, sequence_solver(), ADULT, *part, 4, 16)
+        np.testing.assert_allclose(points(solved)[place][:, ENDS], points(alone)[:, ENDS], atol=1e-3)
+    assert (np.asarray(solved.costs["smooth"])[[0, 6, 7, 11]] == 0).all()
+
+
+@pytest.mark.slow
+def test_a_coupling_without_derivative_at_equal_bodies_does_no_harm():
+    def walked(before, body, after, speed):
+        return jnp.linalg.norm(after.joints[0] - before.joints[0]) - speed
+
+    objective = SINGLE.plus(walked=coupling_from_function(walked, 0.02))
+    free = optx.LevenbergMarquardt(1e-3, 1e-4, linear_solver=lx.Normal(lx.CG(1e-3, 1e-3, max_steps=500)))
+    given = jax.tree.map(lambda a: a[:7], (INITIAL, markers(0.01)))
+    found = refine_sequence(objective, BONES, free, ADULT, *given, 1, 4)
+    assert np.isfinite(points(found)).all()
+    assert np.abs(points(found) - TRUTH[:7]).max() > 1e-4  # it has moved
 
 
 def test_a_coupling_has_no_place_in_single_frames():

@@ -5,6 +5,7 @@ They are Optimistix solvers; any other Optimistix solver can take their place.
 
 from ._banded import BandedEquations as BandedEquations
 from ._banded import Coupled as Coupled
+from ._banded import for_sequences as for_sequences
 from ._banded import sequence_solver as sequence_solver
 from ._levenberg_marquardt import NormalEquations as NormalEquations
 from ._levenberg_marquardt import NormalEquationsLM as NormalEquationsLM

@@ -5,6 +5,7 @@ is block-banded, and one Cholesky factorisation along the band solves it.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -149,6 +150,13 @@ def solve_banded(equations: BandedEquations) -> Float[Array, "frames unknowns"]:
 def _square(a: Array, b: Array, c: Array, d: Array) -> Array:
     """Stack of block matrices ``[[a, b], [c, d]]``."""
     return jnp.concatenate([jnp.concatenate([a, b], 2), jnp.concatenate([c, d], 2)], 1)
+
+
+def for_sequences(solver: Any) -> Any:
+    """The solver with the band of blocks instead of a dense matrix, if it is one of this package; else unchanged."""
+    if isinstance(solver, NormalEquationsLM):
+        return replace(solver, equations=BandedEquations)
+    return solver
 
 
 def sequence_solver() -> NormalEquationsLM:

@@ -14,7 +14,9 @@ from ._base import number as number
 from ._base import place as place
 from ._contour_contact import ContourContact as ContourContact
 from ._end_nodes import EndNodeAttraction as EndNodeAttraction
+from ._function_term import FunctionCoupling as FunctionCoupling
 from ._function_term import FunctionTerm as FunctionTerm
+from ._function_term import coupling_from_function as coupling_from_function
 from ._function_term import from_function as from_function
 from ._given import GivenObjective as GivenObjective
 from ._given import check_given as check_given
