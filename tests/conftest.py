@@ -32,7 +32,7 @@ def pytest_configure(config: pytest.Config) -> None:
     if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
         config.stash[OWN_FOLDER] = tempfile.mkdtemp(prefix="jaxskel-tests-")
         # Given a size, JAX locks the folder.
-        options = config.stash[OWN_FOLDER], 1.0, 10**10
+        options = config.stash[OWN_FOLDER], 0.2, 10**10
         names = "COMPILATION_CACHE_DIR", "PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "COMPILATION_CACHE_MAX_SIZE"
         for name, option in zip(names, options, strict=True):
             os.environ[f"JAX_{name}"] = str(option)
