@@ -7,12 +7,11 @@ import threading
 from pathlib import Path
 
 # At LLVM's first level of optimisation, tracing and compiling take a sixth less time than at the second, and programs
-# run as fast. Without the newer emitters of fusions they take another third less, but programs run half as fast, which
-# tests hardly notice. JAX reads this when it makes its backend; processes that tests start inherit it.
-os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=1 --xla_cpu_use_fusion_emitters=false")
-# Tracing makes millions of objects that live on, and the collector would look through all of them again and again: a
+# run as fast. JAX reads this when it makes its backend; processes that tests start inherit it.
+os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=1")
+# Tracing makes millions of objects that live on, and by default the collector looks through them again and again, for a
 # tenth of the suite's time.
-gc.set_threshold(100_000, 20, 100)
+gc.set_threshold(100_000, 20, 10)
 
 import jax
 import pytest
@@ -113,3 +112,4 @@ def no_more_programs_than_a_process_may_hold():
     jax.clear_caches()
     for kept in (thing for thing in gc.get_objects() if isinstance(thing, CachedJit)):
         kept.forget()
+    gc.collect()  # programs are in cycles
