@@ -9,14 +9,15 @@ from pathlib import Path
 # At LLVM's first level of optimisation, tracing and compiling take a sixth less time than at the second, and programs
 # run as fast. JAX reads this when it makes its backend; processes that tests start inherit it.
 os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=1")
-# Tracing makes millions of objects that live on, and by default the collector looks through them again and again, for a
-# tenth of the suite's time.
-gc.set_threshold(100_000, 20, 10)
 
 import jax
 import pytest
 
 from jaxskel._runtime.compile_cache import CachedJit
+
+# Tracing makes millions of objects that live on, and by default the collector looks through them again and again, for a
+# tenth of the suite's time.
+gc.set_threshold(100_000, 20, 10)
 
 # A shell that starts a job in the background lets it ignore interrupts, and all that the job starts.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -48,8 +49,9 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 LONGEST = (
     "test_real_recordings.py", "test_slurm.py", "test_batch.py", "test_calibrate_body.py", "test_sequence.py",
     "test_cli.py", "test_refine_cameras.py", "test_stream.py", "test_fisheye_pipeline.py", "test_shared.py",
-    "test_found_subject.py", "test_readme.py", "test_table.py", "test_benchmark_scripts.py", "test_pipeline.py",
-    "test_statuses.py", "test_stored.py", "test_learn.py", "test_volume.py", "test_gradients.py", "test_warm_up.py",
+    "test_found_subject.py", "test_readme.py", "test_search_objective.py", "test_run_volumes.py", "test_table.py",
+    "test_benchmark_scripts.py", "test_pipeline.py", "test_statuses.py", "test_stored.py", "test_learn.py",
+    "test_volume.py", "test_gradients.py", "test_warm_up.py",
 )  # fmt: skip
 
 
