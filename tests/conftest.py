@@ -15,6 +15,10 @@ import pytest
 
 from jaxskel._runtime.compile_cache import CachedJit
 
+# Tracing makes millions of objects that live on, and by default the collector looks through them again and again, for a
+# tenth of the suite's time.
+gc.set_threshold(100_000, 20, 10)
+
 # A shell that starts a job in the background lets it ignore interrupts, and all that the job starts.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -28,7 +32,7 @@ def pytest_configure(config: pytest.Config) -> None:
     if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
         config.stash[OWN_FOLDER] = tempfile.mkdtemp(prefix="jaxskel-tests-")
         # Given a size, JAX locks the folder.
-        options = config.stash[OWN_FOLDER], 1.0, 10**10
+        options = config.stash[OWN_FOLDER], 0.2, 10**10
         names = "COMPILATION_CACHE_DIR", "PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "COMPILATION_CACHE_MAX_SIZE"
         for name, option in zip(names, options, strict=True):
             os.environ[f"JAX_{name}"] = str(option)
@@ -45,8 +49,9 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 LONGEST = (
     "test_real_recordings.py", "test_slurm.py", "test_batch.py", "test_calibrate_body.py", "test_sequence.py",
     "test_cli.py", "test_refine_cameras.py", "test_stream.py", "test_fisheye_pipeline.py", "test_shared.py",
-    "test_found_subject.py", "test_readme.py", "test_table.py", "test_benchmark_scripts.py", "test_pipeline.py",
-    "test_statuses.py", "test_stored.py", "test_learn.py", "test_volume.py", "test_gradients.py", "test_warm_up.py",
+    "test_found_subject.py", "test_readme.py", "test_search_objective.py", "test_run_volumes.py", "test_table.py",
+    "test_benchmark_scripts.py", "test_pipeline.py", "test_statuses.py", "test_stored.py", "test_learn.py",
+    "test_volume.py", "test_gradients.py", "test_warm_up.py",
 )  # fmt: skip
 
 
@@ -109,3 +114,4 @@ def no_more_programs_than_a_process_may_hold():
     jax.clear_caches()
     for kept in (thing for thing in gc.get_objects() if isinstance(thing, CachedJit)):
         kept.forget()
+    gc.collect()  # programs are in cycles

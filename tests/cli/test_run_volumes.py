@@ -12,6 +12,7 @@ import jaxskel as js
 from jaxskel.body import place_body, place_joints
 from jaxskel.hull import VoxelGrid
 from jaxskel.io import read_poses
+from jaxskel.poses import score
 from jaxskel.recording import rotation_to_z_up
 from jaxskel.synthetic import camera_ring, demo_motion, detailed_body, make_scene
 
@@ -136,10 +137,15 @@ def test_an_axis_that_is_none_or_not_needed(voxels, source, up, told):
 
 
 @pytest.mark.slow
-def test_the_search_in_virtual_views_of_voxels(voxels):
+def test_the_search_finds_people_in_virtual_views_of_voxels(voxels):
     done = jaxskel("run", "voxels.npz", "-o", "poses", cwd=voxels)
     assert done.returncode == 0, done.stderr
     scored = jaxskel("evaluate", "poses/poses.npz", "voxels.npz", "-o", "score", cwd=voxels)
     assert scored.returncode == 0, scored.stderr
     report = jaxskel("report", "voxels.npz", "poses/poses.npz", cwd=voxels)
     assert report.returncode == 0, report.stderr
+    scene, *_ = given()
+    assert scene.truth is not None
+    poses = read_poses(voxels / "poses" / "poses.npz")
+    assert poses.has_pose.all()
+    assert score(poses.joints.astype(float), scene.truth.joints, poses.has_pose).percentile(50) < 0.03

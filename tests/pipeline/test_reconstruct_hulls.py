@@ -14,7 +14,6 @@ import jaxskel as js
 from jaxskel import Poses, Recording, Status
 from jaxskel.hull import VoxelGrid
 from jaxskel.pipeline import advice_for_volumes
-from jaxskel.poses import score
 from jaxskel.recording import rotation_to_z_up
 from jaxskel.refinement.terms import volume_objective
 from jaxskel.synthetic import camera_ring, make_scene
@@ -135,14 +134,3 @@ def test_an_objective_of_outlines_is_refused_where_settings_could_not_know_it():
     settings = eqx.tree_at(lambda s: s.body, settings, body, is_leaf=lambda leaf: leaf is None)
     with pytest.raises(ValueError, match=r"\Asettings: an objective of outlines [^\n]*virtual_recording[^\n]*\Z"):
         js.reconstruct_hulls(np.ones((1, 3, 3, 3), bool), np.zeros(3), 0.02, settings)
-
-
-@pytest.mark.slow
-def test_the_search_finds_people_in_virtual_views():
-    scene, occupied, grid = given()
-    virtual = js.virtual_recording(occupied, grid.origin, grid.spacing, fps=scene.fps)
-    poses = js.reconstruct(virtual)
-    assert scene.truth is not None
-    found = score(poses.joints.astype(float), scene.truth.joints, poses.has_pose)
-    assert poses.has_pose.all()
-    assert found.percentile(50) < 0.03
