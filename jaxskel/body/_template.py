@@ -15,6 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from ._template_check import check_template
+
 FREE, ACROSS, HINGE = 3, 2, 1
 """Degrees of freedom of a segment: any rotation, no twist about its bone, or flexion alone."""
 
@@ -121,6 +123,10 @@ class SkeletonTemplate:
     meanings: tuple[tuple[tuple[str, float], ...], ...] = ()
     swings: tuple[float, ...] = ()
     begins: tuple[float, float, float] = (0.0, 0.0, 1.0)
+
+    def __post_init__(self):
+        """Reject what is no tree, and indices that point nowhere."""
+        check_template(self)
 
     def __hash__(self) -> int:
         """Computed once, because each call of a compiled function asks for it."""
@@ -256,9 +262,9 @@ def template_of_text(text: str) -> SkeletonTemplate:
         known = {field.name: _tuples(given[field.name]) for field in fields(SkeletonTemplate)}
         for name, kind in (("pivots", Pivot), ("hinges", Hinge), ("attracted", Attraction)):
             known[name] = tuple(kind(*row) for row in known[name])
+        return SkeletonTemplate(**known)
     except (ValueError, TypeError, KeyError) as error:
         raise ValueError("the text describes no template of a skeleton: read a file that was not changed") from error
-    return SkeletonTemplate(**known)
 
 
 def _tuples(value: Any) -> Any:

@@ -33,3 +33,4 @@ from ._sides import tell_sides as tell_sides
 from ._soft_dtw import soft_dtw as soft_dtw
 from ._stature import estimate_size as estimate_size
 from ._stature import estimate_stature as estimate_stature
+from ._stature import size_of_limbs as size_of_limbs

@@ -3,11 +3,12 @@
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from ..body import Skeleton, default_adult
 from ..graph import SkeletalGraph
 from ._descriptors import template_ends
-from ._limbs import END_NODE_REACH, L_FOOT, R_FOOT
+from ._limbs import END_NODE_REACH, L_FOOT, R_FOOT, Limbs
 
 
 def estimate_stature(graphs: Sequence[SkeletalGraph], template: Skeleton | None = None) -> float | None:
@@ -35,9 +36,20 @@ def estimate_stature(graphs: Sequence[SkeletalGraph], template: Skeleton | None 
 def estimate_size(graphs: Sequence[SkeletalGraph], template: Skeleton) -> float | None:
     """Size of a subject over that of a template of any kind, by the lengths of its limbs; None if no graph has them.
 
-    The farthest end nodes are the limbs; the median over the frames tolerates others.
+    The farthest end nodes are taken for the limbs; the median over the frames tolerates others.
     """
-    short = (1 - END_NODE_REACH) * template.tip_lengths
-    ways = template_ends(template)[0, 1:] - short[1:] - short[0]
+    ways = _ways(template)
     found = [graph.depths[graph.end_nodes[-len(ways) :]].mean() for graph in graphs if len(graph.end_nodes) > len(ways)]
     return float(np.median(found) / ways.mean()) if found else None
+
+
+def size_of_limbs(limbs: Limbs, template: Skeleton) -> float:
+    """As `estimate_size`, by labelled limbs, of which no spur is one; 1 where none is found."""
+    found = limbs.found[:, 1:]
+    return float(np.median((limbs.lengths[:, 1:] / _ways(template))[found])) if found.any() else 1.0
+
+
+def _ways(template: Skeleton) -> Float[np.ndarray, " limbs"]:
+    """Distances from the template's root to its end nodes, which lie short of the tips (m)."""
+    short = (1 - END_NODE_REACH) * template.tip_lengths
+    return template_ends(template)[0, 1:] - short[1:] - short[0]

@@ -30,11 +30,11 @@ from ..hull import (
     place_grid,
     projecting,
 )
-from ..matching import estimate_size, estimate_stature
+from ..matching import estimate_size, estimate_stature, size_of_limbs
 from ..recording import Recording, find_empty_views, rotation_to_z_up, silhouette_areas
 from ..search import make_model
 from ._ahead import compile_ahead
-from ._observe_batch import observe_batch
+from ._observe_batch import label_graphs, observe_batch
 from ._prepared import Prepared
 from ._settings import Settings
 from ._subject import OTHER_SIZES, find_subject, sight_of
@@ -44,6 +44,8 @@ SUBJECT_FRAMES = 24
 _STATURES = (0.8, 2.4)  # m
 # Bodies of other templates are made as large as this (m): lengths of the stages are those for a person.
 _PERSON = 1.7
+# How often the size of another template is found by labelled limbs.
+_SIZE_ROUNDS = 2
 
 
 def check_given(recording: Any, settings: Any) -> None:
@@ -161,7 +163,9 @@ def with_subject(
     assert len(chosen) <= FRAMES_PER_WORD
     found = observe_batch(
         recording[chosen], prepared, settings, outlines=calibrating, at_once=at_once,
-        template=lambda graphs: prepared.skeleton if prepared.skeleton_is_known else _of_graphs(graphs, prepared),
+        template=lambda graphs: (
+            prepared.skeleton if prepared.skeleton_is_known else _of_graphs(graphs, prepared, settings)
+        ),
     )  # fmt: skip
     if found.labelled is None:
         return prepared
@@ -189,12 +193,16 @@ def with_subject(
     )  # fmt: skip
 
 
-def _of_graphs(graphs: list[SkeletalGraph], prepared: Prepared) -> Skeleton:
+def _of_graphs(graphs: list[SkeletalGraph], prepared: Prepared, settings: Settings) -> Skeleton:
     """The template at the size of the graphs."""
     if prepared.skeleton.template == HUMAN_15:
         return template_of(graphs)
-    size = estimate_size(graphs, prepared.skeleton)
-    return prepared.skeleton if size is None else prepared.skeleton.scaled(size)
+    found = prepared.skeleton.scaled(estimate_size(graphs, prepared.skeleton) or 1.0)
+    # Spurs among the farthest end nodes make it too large; labels tell them apart, the better the nearer its size is.
+    for _ in range(_SIZE_ROUNDS):
+        limbs = label_graphs(graphs, found, settings).limbs
+        found = found.scaled(size_of_limbs(limbs, found))
+    return found
 
 
 def template_of(graphs: list[SkeletalGraph]) -> Skeleton:

@@ -13,6 +13,7 @@ top = { parent = "trunk", at = [0, 0, 1.4] }
 l_finger = { parent = "l_elbow", at = [0, 0.6, 1.0] }
 """
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,8 @@ _KEYS = ("name", "graph_begins", "described_by", "joints", "tips")
 _EXAMPLE = 'joints.l_elbow = { parent = "l_shoulder", at = [0, 0.5, 1.2] }'
 _BEGINS = {"up": (0.0, 0.0, 1.0), "down": (0.0, 0.0, -1.0)}
 _MOST_POINTS = 200
+# What markers and bones may be called in all files that poses are written to.
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,63}")
 
 
 def read_template(path: str | Path) -> Skeleton:
@@ -107,6 +110,8 @@ def _check_tree(path: Path, joints: list[Point], tips: list[Point]) -> None:
     """Parents come before their children; there is one root; no name is used twice."""
     known: list[str] = []
     for point in joints + tips:
+        if not _NAME.fullmatch(point.name):
+            raise fault(path, point.key, "is no name; give letters, digits, _ and -, a letter first")
         if point.name in known:
             raise fault(path, point.key, "is a joint, too; give the tip a name of its own")
         if point.parent is None and known:
