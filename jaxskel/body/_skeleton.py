@@ -58,10 +58,14 @@ class Skeleton(eqx.Module):
 
     @property
     def height(self) -> Float[Array | np.ndarray | np.floating, ""]:
-        """Height at rest (m): from the lowest tip, or joint with a tip, to the first tip, the top of the head."""
+        """Standing height (m): from the lower toe tip or ball of the foot to the top of the head.
+
+        Of any template, from the tips that describe inner joints, and the joints beside them, to the first tip.
+        """
         joints, tips = self.rest_joints, self.rest_tips
-        xp = joints.__array_namespace__()
-        return tips[0, 2] - xp.minimum(tips[1:, 2].min(), joints[self._tip_joints[1:], 2].min())
+        xp, low = joints.__array_namespace__(), [tip for tip in self.template.described_by if tip > 0]
+        feet, balls = (np.array(rows, np.int32) for rows in (low, [self.template.tip_parents[tip] for tip in low]))
+        return tips[0, 2] - xp.minimum(tips[feet, 2].min(), joints[balls, 2].min())
 
     @property
     def stature(self) -> float:
@@ -77,10 +81,6 @@ class Skeleton(eqx.Module):
     def scaled(self, factor: float) -> "Skeleton":
         """The same skeleton with every length multiplied by `factor`."""
         return Skeleton(self.rest_joints * factor, self.rest_tips * factor, self.template)
-
-    @property
-    def _tip_joints(self) -> np.ndarray:
-        return self.template.point_parents[len(self.template.joint_names) :]
 
 
 def stretched(skeleton: Skeleton, factors: Float[Array, " bones"]) -> Skeleton:

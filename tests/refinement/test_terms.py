@@ -9,7 +9,7 @@ from jax.test_util import check_grads
 from scipy.spatial.transform import Rotation
 from support.phantoms import HandsTogether, ideal_graph, pose_of
 
-from jaxskel.body import JOINT_NAMES, SEGMENT_NAMES, Pose, default_adult, forward_kinematics
+from jaxskel.body import HUMAN_15, JOINT_NAMES, SEGMENT_NAMES, Pose, default_adult, forward_kinematics
 from jaxskel.refinement.parametrisations import ExactBones
 from jaxskel.refinement.terms import (
     EndNodeAttraction,
@@ -175,5 +175,5 @@ def test_firmness_names_both_sides():
     firm = dict(zip(SEGMENT_NAMES[1:], firmness(chest=1.0, foot=2.0), strict=True))
     assert {name: value for name, value in firm.items() if value} == {"chest": 1.0, "l_foot": 2.0, "r_foot": 2.0}
     # The paper's objective does not look at hands and feet: its residuals there must leave the solver alone.
-    rest = dict(zip(SEGMENT_NAMES[1:], RestPrior().firmness, strict=True))
+    rest = dict(zip(SEGMENT_NAMES[1:], HUMAN_15.firmness, strict=True))
     assert all(rest[side + name] == 0 for side in ("l_", "r_") for name in ("hand", "foot"))

@@ -15,7 +15,7 @@ def human_21() -> Skeleton:
 
 
 def hand() -> Skeleton:
-    """A left hand with 16 joints, held up with the palm to the front (m); the graph begins at the forearm."""
+    """A left hand with 17 joints, held up with the palm to the front (m); the graph begins at the forearm."""
     return built_in(BUILT_IN[1])
 
 
