@@ -37,14 +37,16 @@ def scene_of(skeleton: Skeleton, poses: int, seed: int = 0) -> Recording:
 def right_labels(scene: Recording, settings: Settings) -> Bool[np.ndarray, "frames tips"]:
     """Which labels of end nodes are right in each frame; none in frames without a graph."""
     assert scene.truth is not None
+    assert scene.truth.tips is not None
     assert settings.template is not None
-    prepared, right = prepare(scene, settings), np.zeros(scene.truth.tips.shape[:2], bool)
+    tips = scene.truth.tips
+    prepared, right = prepare(scene, settings), np.zeros(tips.shape[:2], bool)
     for first in range(0, len(scene), _AT_ONCE):
         found = observe_batch(scene[first : first + _AT_ONCE], prepared, settings, outlines=False)
         if found.labelled is None:
             continue
         frames, limbs = first + found.seen.frames, found.labelled.limbs
-        apart = np.linalg.norm(limbs.ends[:, :, None] / prepared.scale - scene.truth.tips[frames, None], axis=-1)
+        apart = np.linalg.norm(limbs.ends[:, :, None] / prepared.scale - tips[frames, None], axis=-1)
         own = np.diagonal(apart, axis1=1, axis2=2)
         near = own < _NEAR * settings.template.size
         right[frames] = limbs.found & near & (apart.argmin(2) == np.arange(apart.shape[1]))

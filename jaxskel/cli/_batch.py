@@ -35,6 +35,7 @@ from ._outputs import check_output
 from ._run import Box, MaxMisses, Preset, PresetOption, Smooth, Spacing, Subject, Track, make_settings
 from ._say import cell, say, warn
 from ._slurm import stop_when_told, submit
+from ._template import TemplateOption, template_of
 from ._verdict import Anyway
 
 
@@ -69,6 +70,7 @@ def batch(
     smooth_hz: Smooth = None,
     anyway: Anyway = False,
     objective: ObjectiveOption = None,
+    template: TemplateOption = None,
 ) -> None:
     """Reconstruct many recordings. When run again, it continues with those that are not done or have changed."""
     if not timeout > 0:
@@ -77,7 +79,7 @@ def batch(
     every = find_sources(inputs)
     sources = every if shard is None else _shard(shard).part(every)
     # Absolute, because a node of a cluster may start in another folder.
-    settings = make_settings(preset, spacing, max_misses, box, track)
+    settings = make_settings(preset, spacing, max_misses, box, track, template_of(template))
     settings = with_objective(settings, None if objective is None else objective.absolute())
     if subject is not None:
         read_subject(subject)  # check now, since its faults concern all recordings

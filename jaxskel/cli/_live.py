@@ -43,6 +43,7 @@ from ._progress import progress_bar, summary
 from ._ranges import check_number
 from ._run import POSES_FILES, MaxMisses, Preset, PresetOption, Recorded, Subject, make_settings
 from ._say import say, warn
+from ._template import TemplateOption, files_of_template, template_of
 
 _INTERRUPTED = 130  # exit code
 _LONGEST = 1e6  # s
@@ -70,12 +71,13 @@ def live(
         str | None, typer.Option(metavar="HOST[:PORT]", help="Send poses to a program with an avatar, by VMC.")
     ] = None,
     objective: ObjectiveOption = None,
+    template: TemplateOption = None,
 ) -> None:
     """Reconstruct frames as they come; show them in a browser, send them on, write poses.npz and poses.csv.
 
     Ctrl-C ends it, with everything written.
     """
-    settings = make_settings(preset, HullSettings.spacing, max_misses, None)
+    settings = make_settings(preset, HullSettings.spacing, max_misses, None, template=template_of(template))
     settings = settings if preset is Preset.PAPER else replace(settings, tracking=Tracking())
     settings = with_objective(settings, objective)
     check_apart(settings, "and a live session has one at a time; leave it out, or use `jaxskel run` afterwards")
@@ -84,7 +86,7 @@ def live(
     check_number("--port", port, 0, _PORTS, "a port, or 0 for a free one")
     target = None if osc is None else _host_and_port(osc)
     _check_new(output)
-    others = [path for path in (subject, objective) if path is not None]
+    others = [path for path in (subject, objective) if path is not None] + files_of_template(template)
     check_output(output, [*POSES_FILES, JOURNAL_FILE], [*files_of(source), *others])
     body = None if subject is None else read_body(subject)
     if has_cameras(source):
@@ -95,9 +97,9 @@ def live(
         frames = _playback(read_recording(source), fps, loop, seconds)
     rig = frames.rig
     known = rig.skeleton if body is None else body
-    template = HUMAN_15 if settings.template is None else settings.template.template
+    shown = HUMAN_15 if settings.template is None else settings.template.template
     if target is not None:
-        check_avatar(template)
+        check_avatar(shown)
     clock, tally = WallClock(), Tally(rig.fps)
     failed: Exception | None = None
     with ExitStack() as stack:
@@ -113,7 +115,7 @@ def live(
         with Console(stderr=True).status("compiling"):
             warm_up(rig.cameras, settings, known)
         stream = stack.enter_context(Stream(rig.cameras, settings, known, rig.up, rig.fps))
-        journal = PosesJournal(output / JOURNAL_FILE, rig.fps, rig.up, template)
+        journal = PosesJournal(output / JOURNAL_FILE, rig.fps, rig.up, shown)
         stack.callback(journal.close)
         stack.enter_context(_stopped_by_signals(clock))
         if server is not None:

@@ -81,7 +81,7 @@ def place(
     """
     to_z_up = rotation_to_z_up(recording.up)
     skeleton, known = _skeleton(recording, settings)
-    scale = 1.0 if skeleton.template.is_human else _PERSON / skeleton.size
+    scale = scale_for(skeleton)
     skeleton, cameras = skeleton.scaled(scale), recording.cameras.rotated(to_z_up).scaled(scale)
     silhouettes = recording.silhouettes
     min_views = _min_views(settings, cameras)
@@ -109,6 +109,11 @@ def place(
     if grid is None:
         return prepared
     return with_grid(prepared, grid, (silhouettes.shape[2], 8 * silhouettes.shape[3]), settings)
+
+
+def scale_for(skeleton: Skeleton) -> float:
+    """Size of the world of all stages over that of a recording, for a skeleton in the latter (m)."""
+    return 1.0 if skeleton.template.is_human else _PERSON / skeleton.size
 
 
 def _skeleton(recording: Recording, settings: Settings) -> tuple[Skeleton, bool]:

@@ -20,7 +20,7 @@ from ..search import Track, Tracking, before_next, hurried, lost, over_gap, sear
 from ._better_subject import BetterSubject
 from ._coupled_batches import check_apart
 from ._moving_grid import MovingGrid, grid_around
-from ._prepare import place, with_grid, with_model, with_subject
+from ._prepare import place, scale_for, with_grid, with_model, with_subject
 from ._prepared import Prepared
 from ._reconstruct import reconstruct_batch
 from ._settings import Settings
@@ -146,7 +146,7 @@ class Stream:
         with_pose = bool(poses.has_pose[0])
         # Poses of single frames may jump; those of a track do not.
         tracked = with_pose and track is not None
-        self._middle = poses.joints[0, 0] @ prepared.to_z_up.T if tracked else None
+        self._middle = prepared.scale * poses.joints[0, 0] @ prepared.to_z_up.T if tracked else None
         self._track = track if track is None or with_pose else lost(track)
         self._strangers = self._strangers + 1 if poses.status[0] == Status.NO_MATCH else 0
         if self._to_find and self._strangers >= _SOMEBODY_ELSE:
@@ -208,7 +208,8 @@ class Stream:
         """What is known for a frame: a grid where the person is, and the subject."""
         silhouettes = np.asarray(frame.silhouettes)
         if self._prepared is None:
-            cameras = self._empty.cameras.rotated(rotation_to_z_up(self._empty.up))
+            scale = scale_for(self._empty.skeleton or self._settings.average)
+            cameras = self._empty.cameras.rotated(rotation_to_z_up(self._empty.up)).scaled(scale)
             middle = _middle(silhouettes, cameras)
             if middle is None:
                 return place(frame, self._settings, at_once=1)
