@@ -74,8 +74,16 @@ def test_python_of_the_cluster_runs(tmp_path, monkeypatch, capsys):
     assert (tmp_path / "poses" / "broken.failed.json").is_file()
 
 
+def test_python_of_the_templates_runs(tmp_path):
+    run_blocks("templates", names := {"js": jaxskel})
+    assert names["settings"].template.template.name == "human-21"
+    # The file that the page shows is one.
+    (tmp_path / "arm.toml").write_text(re.search(r"```toml\n(.*?)```", TEXTS["templates"], re.S)[1], encoding="utf-8")
+    assert jaxskel.io.read_template(tmp_path / "arm.toml").template.name == "arm"
+
+
 def test_no_other_page_has_python():
-    assert {page for page, blocks in BLOCKS.items() if blocks} == {"README", "objectives", "cluster"}
+    assert {page for page, blocks in BLOCKS.items() if blocks} == {"README", "objectives", "cluster", "templates"}
 
 
 def test_keys_of_the_recording_are_those_that_are_read():
