@@ -31,6 +31,7 @@ from jax.core import Tracer
 
 from .compilations import COMPILATIONS
 from .compiler_options import QUICK, accepted
+from .precision import precise
 from .program_files import read_program, read_same_program, usable, write_program
 
 P = ParamSpec("P")
@@ -51,10 +52,10 @@ class CachedJit(Generic[P, R]):
     """
 
     def __init__(self, function: Callable[P, R], options: dict[str, Any] | None = None):
-        self._function: Callable[..., R] = function
+        self._function: Callable[..., R] = precise(function)
         self._options = options or {}
         self._name = f"{function.__module__}.{function.__qualname__}"
-        self._traced = eqx.filter_jit(function)  # within another function, which has the compiler's options
+        self._traced = eqx.filter_jit(self._function)  # within another function, which has the compiler's options
         self._known: dict[Hashable, Callable[[list[Any]], R] | None] = {}
         self._locks: dict[Hashable, Lock] = {}
         update_wrapper(self, function)

@@ -7,6 +7,7 @@ joints and tips about its own origin, so lengths are those at rest whatever the 
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -14,6 +15,9 @@ from jaxtyping import Array, Float
 from .._runtime.kinds import check_number
 from ._human import HUMAN_15, JOINT_NAMES, TIP_NAMES
 from ._template import SkeletonTemplate
+
+# GPUs round numbers to ten bits otherwise, and lengths would not be those at rest.
+_EXACT = jax.lax.Precision.HIGHEST
 
 
 class Skeleton(eqx.Module):
@@ -149,13 +153,12 @@ def place_segments(
     template, rest, rotations = skeleton.template, jnp.asarray(skeleton.rest_joints), jnp.asarray(pose.rotations)
     points = jnp.concatenate([rest, jnp.asarray(skeleton.pivots)])
     starts, ends, segments = template.parts.T
-    turned = jnp.einsum("pij,pj->pi", rotations[segments], points[ends] - points[starts])
-    placed = jnp.asarray(pose.root)[None] + template.parts_to @ turned
+    turned = jnp.einsum("pij,pj->pi", rotations[segments], points[ends] - points[starts], precision=_EXACT)
+    placed = jnp.asarray(pose.root)[None] + jnp.matmul(template.parts_to, turned, precision=_EXACT)
     joints, tip_joints = placed[: len(rest)], template.point_parents[len(rest) :]
     offsets = skeleton.rest_tips - rest[tip_joints]
-    tips = joints[tip_joints] + jnp.einsum(
-        "tij,tj->ti", rotations[np.array(template.segment_of_tip, np.int32)], offsets
-    )
+    carriers = np.array(template.segment_of_tip, np.int32)
+    tips = joints[tip_joints] + jnp.einsum("tij,tj->ti", rotations[carriers], offsets, precision=_EXACT)
     return joints, tips, placed[template.origins]
 
 
