@@ -7,11 +7,12 @@ import equinox as eqx
 import numpy as np
 
 from .._runtime.kinds import check_kind
-from ..body import Body, Skeleton, default_adult, make_body, place_body
+from ..body import HUMAN_15, Body, Skeleton, make_body, place_body
 from ..cameras import Cameras, make_cameras
 from ..hull import carve, most_misses, projection_table
-from ..synthetic import camera_ring, demo_motion, render
+from ..synthetic import camera_ring, demo_motion, random_poses, render
 from ._moving_grid import grid_around
+from ._prepare import scale_for
 from ._settings import Settings
 from ._stream import Stream, streaming
 
@@ -33,10 +34,11 @@ def warm_up(cameras: Cameras, settings: Settings | None = None, subject: Body | 
     """
     check_kind("cameras", cameras, Cameras, "Cameras, as a recording has them")
     settings = streaming(settings)
-    rig = _ring_like(cameras)
-    adult = default_adult()
-    body = make_body(adult)
-    masks = render(rig, *place_body(body, demo_motion(adult, _FRAMES, 30.0)))
+    average = settings.average
+    rig, body = _ring_like(cameras).scaled(1 / scale_for(average)), make_body(average)
+    human = average.template == HUMAN_15
+    motion = demo_motion(average, _FRAMES, 30.0) if human else random_poses(average, _FRAMES)
+    masks = render(rig, *place_body(body, motion))
     for stream in _streams(rig, settings, subject, body):
         with stream:
             for frame in masks:

@@ -52,6 +52,7 @@ def test_labels_and_poses_of_other_bodies(name, least):
     assert poses.has_pose.all()
     assert poses.template == skeleton.template
     assert errors(poses, scene[:32])[0] < 0.03 * skeleton.size
+    js.warm_up(scene.cameras, settings)
     stream = js.Stream(scene.cameras, settings, fps=25.0)
     streamed = [stream.push(scene.silhouettes[frame]) for frame in range(3)]
     assert all(each.has_pose.all() for each in streamed)
