@@ -190,8 +190,8 @@ def paper_settings(template: Skeleton | None = None) -> Settings:
     lowers the error more than the last percent of the cost does.
 
     Limbs of another template may be shorter, and more of them equally long: shorter branches are kept, and the matcher
-    is the exact one. Of three times 50 random poses, 99.9 % of a quadruped's end nodes and 97.3 % of a hand's get the
-    right label; with DTW, of 50, 96.7 and 95.7 %: see `benchmarks/templates.py`.
+    is the exact one. Of three times 50 random poses, 99.9 % of a quadruped's end nodes and 97.9 % of a hand's get the
+    right label; with DTW, of 50, 96.7 % each: see `benchmarks/templates.py`.
     """
     other = template is not None and template.template != HUMAN_15
     return Settings(
