@@ -22,7 +22,7 @@ from ._descriptors import EndNodes, template_ends
 from ._dtw import dtw
 from ._soft_dtw import soft_dtw
 
-# Six tips and the root of ten end nodes can be assigned in 60 000 ways.
+# The root and five of fifteen other end nodes can be chosen in 360 360 ways.
 _MOST_TIPS = 6
 
 

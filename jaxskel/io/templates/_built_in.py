@@ -20,7 +20,7 @@ def hand() -> Skeleton:
 
 
 def quadruped() -> Skeleton:
-    """A dog with 17 joints, standing (m)."""
+    """A dog with 18 joints, standing (m)."""
     return built_in(BUILT_IN[2])
 
 
