@@ -1,4 +1,7 @@
-"""`jaxskel export`: writes poses in the formats of other programs, and what a killed session left as `poses.npz`."""
+"""`jaxskel export`: writes poses in the formats of other programs, and what a killed session left as `poses.npz`.
+
+Of several people, each has a file of their own.
+"""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,7 +10,7 @@ import typer
 
 from ..body import BODY_25, BODY_25B, COCO_17, H36M_17, HALPE_26, HUMAN_15, KeypointSet
 from ..io.poses import (
-    read_poses,
+    read_people_poses,
     with_up,
     write_angles,
     write_archive,
@@ -83,9 +86,32 @@ def export(
     if up not in (None, "+Y") and any(output.suffix.lower() == ".mot" for output in outputs):
         raise ValueError(f"--up {up}: OpenSim's motions have +Y up; write the .mot by itself, without --up")
     keypoint_set = None if keypoints is None else _keypoint_set(keypoints, outputs)
-    for output in outputs:
-        check_output_file(output, [poses])
-    found = read_poses(poses)
+    found = read_people_poses(poses)
+    files = {name: outputs if len(found) == 1 else [_of_person(output, name) for output in outputs] for name in found}
+    for each in files.values():
+        for output in each:
+            check_output_file(output, [poses])
+    for name, each in found.items():
+        _check_exportable(poses, files[name], each, keypoint_set)
+    for name, each in found.items():
+        for output in files[name]:
+            told = _write(output, each, up, millimetres, keypoint_set)
+            say(f"{output}: {len(each)} frames at {each.fps:g} fps, {told}")
+    end_without_pose(poses, *found.values())
+
+
+def _of_person(output: Path, name: str) -> Path:
+    """The file of one of several people: anna's trial.trc is trial_anna.trc."""
+    for end in (_DEVIATIONS, _ANGLES):
+        if output.name.lower().endswith(end):
+            start = output.name[: -len(end)]
+            joint = "_" if start and not start.endswith("_") else ""
+            return output.with_name(f"{start}{joint}{name}{'_' if end == _ANGLES else ''}{output.name[-len(end) :]}")
+    return output.with_name(f"{output.stem}_{name}{output.suffix}")
+
+
+def _check_exportable(poses: Path, outputs: list[Path], found: Poses, keypoint_set: KeypointSet | None) -> None:
+    """Refuse files for which the poses of a person lack something."""
     motions = [output for output in outputs if output.suffix.lower() in (".bvh", ".mot")]
     if motions and not found.has_pose.any():
         raise ValueError(f"{motions[0]}: no frame has a pose: there is no motion to write")
@@ -93,16 +119,14 @@ def export(
     if angles and found.template != HUMAN_15 and not found.template.hinges:
         raise ValueError(f"{angles[0]}: the skeleton of {poses} has no hinges, so there are no angles; leave it out")
     if keypoint_set is not None and found.template != HUMAN_15:
-        raise ValueError(f"--keypoints {keypoints}: is of a human, and {poses} of {found.template.name}; leave it out")
+        raise ValueError(
+            f"--keypoints {keypoint_set.name}: is of a human, and {poses} of {found.template.name}; leave it out"
+        )
     if (motions or angles or keypoint_set is not None) and found.rotations is None:
         raise ValueError(f"{poses}: holds no rotations, because an older version wrote it; reconstruct again")
     deviations = [output for output in outputs if output.name.lower().endswith(_DEVIATIONS)]
     if deviations and found.covariance is None:
         raise ValueError(f"{poses}: has no covariances for {deviations[0]}; run again, with the default preset")
-    for output in outputs:
-        told = _write(output, found, up, millimetres, keypoint_set)
-        say(f"{output}: {len(found)} frames at {found.fps:g} fps, {told}")
-    end_without_pose(poses, found)
 
 
 def _keypoint_set(name: str, outputs: list[Path]) -> KeypointSet:

@@ -87,14 +87,14 @@ def progress_bar(what: str, total: int) -> tuple[Progress, TaskID]:
 
 
 def reconstruct_with_progress(
-    recording: Recording, settings: Settings, times: StageTimes, jobs: int = 1
+    recording: Recording, settings: Settings, times: StageTimes, jobs: int = 1, who: str = ""
 ) -> tuple[Poses, Prepared]:
-    """Reconstruct a recording behind a progress bar."""
-    progress, task = progress_bar("fitting the body", len(recording))
+    """Reconstruct a recording behind a progress bar, which begins with `who` it is."""
+    progress, task = progress_bar(f"{who}fitting the body", len(recording))
     with progress:
         with times("prepare"):
             prepared = prepare(recording, settings)
-        progress.update(task, description="reconstructing")
+        progress.update(task, description=f"{who}reconstructing")
         parts = []
         if jobs == 1:
             batches = reconstruct_batches(recording, settings, prepared, times)

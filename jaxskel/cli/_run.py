@@ -23,6 +23,7 @@ from ._outputs import check_output_file as check_output_file
 from ._outputs import files_of
 from ._progress import StageTimes, doubt, reconstruct_with_progress, summary, volumes_with_progress
 from ._ranges import check_number
+from ._run_people import are_several, run_people
 from ._say import say, warn
 from ._template import TemplateOption, files_of_template, found_subject, template_of
 from ._verdict import Anyway
@@ -84,8 +85,16 @@ def run(
         str | None,
         typer.Option(help="World axis that points up in voxels or a mesh; by default what the file says."),
     ] = None,
+    people: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NUMBER|all",
+            help="Tell so many people apart, in silhouettes that show them as one mask. Default: one, or those that "
+            "recording.toml names.",
+        ),
+    ] = None,
 ) -> None:
-    """Reconstruct every frame; write poses.npz and poses.csv."""
+    """Reconstruct every frame; write poses.npz and poses.csv, of several people a table for each."""
     settings = with_objective(make_settings(preset, spacing, max_misses, box, track, template_of(template)), objective)
     method = Method(settings, smooth_hz, subject)
     check_number("--smooth", smooth_hz, 1e-3, 1e6, "a cutoff in Hz")
@@ -94,7 +103,12 @@ def run(
         check_apart(settings, "but several processes take batches apart; leave out --jobs, or the term")
     if up is not None:
         _check_up(up, source)
+    several = are_several(source, people)
+    if several and data is not None:
+        raise ValueError("--data: is of one person, but there are several; leave it out")
     others = [path for path in (subject, objective, data) if path is not None] + files_of_template(template)
+    if several:
+        return run_people(source, output, method, people, jobs, others)
     check_output(output, POSES_FILES, [*files_of(source), *others])
     settings, times = method.settings_for_subject(), StageTimes()
     if preset is Preset.PAPER and holds_volumes(source):

@@ -6,7 +6,9 @@ status for each frame without one.
 
 from ._carve import carve as carve
 from ._carve_soft import carve_soft as carve_soft
+from ._connected_bodies import Bodies as Bodies
 from ._connected_bodies import bodies_among as bodies_among
+from ._connected_bodies import find_bodies as find_bodies
 from ._frame_bits import FRAMES_PER_WORD as FRAMES_PER_WORD
 from ._grid import VoxelGrid as VoxelGrid
 from ._grid import check_spacing as check_spacing

@@ -8,7 +8,9 @@ from ..recording import MIN_VIEWS, Silhouettes, silhouette_centroids
 from ._carve import carve
 from ._connected_bodies import bodies_among
 from ._grid import VoxelGrid, make_grid
+from ._others import without_others
 from ._projection_table import projection_table
+from ._visual_hulls import VisualHulls
 
 _COARSE = 3  # edge of a coarse voxel, in fine voxels
 _COARSEST = 0.045  # largest edge of a coarse voxel (m): hands and forearms fall between centres farther apart
@@ -29,6 +31,7 @@ def place_grid(
     spacing: float,
     min_views: int,
     max_misses: int = 0,
+    hidden: Silhouettes | None = None,
 ) -> VoxelGrid | None:
     """Place a grid around the person in all frames.
 
@@ -42,6 +45,7 @@ def place_grid(
         spacing: Edge length of a voxel (m).
         min_views: Number of cameras that must see a voxel.
         max_misses: Number of cameras that may miss an occupied voxel.
+        hidden: Packed bits of pixels where somebody else may stand before the person; they carve nothing.
 
     Returns:
         The grid, in the cameras' world, or None if no frame has a hull of a person's size.
@@ -51,12 +55,18 @@ def place_grid(
         return None
     chosen = usable[np.unique(np.linspace(0, len(usable) - 1, _MAX_FRAMES).astype(int))]
     margin = _MARGIN if len(chosen) == len(usable) else _SAMPLED_MARGIN
+    others = None if hidden is None else hidden[chosen]
     silhouettes, empty_views = silhouettes[chosen], empty_views[chosen]
     middles = body_middles(cameras, silhouettes, empty_views)
     margin = max(margin, _MARGIN_PIXELS * _pixel_size(cameras, middles, empty_views))
     coarse = make_grid(middles.min(0) - _REACH, middles.max(0) + _REACH, min(_COARSE * spacing, _COARSEST))
     height, width = silhouettes.shape[2], 8 * silhouettes.shape[3]
-    hulls = carve(silhouettes, projection_table(cameras, coarse, height, width, min_views), empty_views, max_misses)
+    table = projection_table(cameras, coarse, height, width, min_views)
+    possible = silhouettes if others is None else silhouettes | others
+    hulls = carve(possible, table, empty_views, max_misses)
+    if others is not None:
+        hulls = without_others(hulls, table, silhouettes, others)
+        hulls = VisualHulls(hulls.voxels[hulls.inside.any(0)], hulls.inside[:, hulls.inside.any(0)], coarse)
     bodies = bodies_among(hulls.voxels, coarse)
     voxels = hulls.voxels[bodies.sizes[bodies.voxels_of(0)] * coarse.spacing**3 >= _LEAST_VOLUME]
     if len(voxels) == 0:

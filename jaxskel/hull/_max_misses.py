@@ -41,6 +41,7 @@ def judge_misses(
     min_views: int,
     box: Float[np.ndarray, "2 3"] | None = None,
     at_once: int = FRAMES_PER_WORD,
+    hidden: Silhouettes | None = None,
 ) -> int:
     """Choose ``max_misses`` for [`carve`][]: the smallest number with which the hulls fill the silhouettes.
 
@@ -55,6 +56,7 @@ def judge_misses(
         min_views: Number of cameras that must see a voxel if no miss is allowed; each miss adds one.
         box: Lower and upper corner of the carved volume (m), in the cameras' world; by default around the silhouettes.
         at_once: Frames that are carved at once, see `carve`.
+        hidden: Packed bits of pixels where somebody else may stand before the person; they carve nothing.
 
     Returns:
         0 if the silhouettes are consistent, otherwise up to `most_misses` of the median number of views per frame.
@@ -63,7 +65,9 @@ def judge_misses(
     if len(usable) == 0:
         return 0
     chosen = usable[np.unique(np.linspace(0, len(usable) - 1, _MAX_FRAMES).astype(int))]
+    others = None if hidden is None else hidden[chosen]
     silhouettes, empty_views = silhouettes[chosen], empty_views[chosen]
+    possible = silhouettes if others is None else silhouettes | others
     most = most_misses(int(np.median((~empty_views).sum(1))))
     if most == 0:
         return 0
@@ -74,7 +78,7 @@ def judge_misses(
     table = projection_table(cameras, grid, silhouettes.shape[2], 8 * silhouettes.shape[3])
     filled = []
     for misses in range(most + 1):
-        hulls = carve(silhouettes, table.with_min_views(min_views + misses), empty_views, misses, at_once)
+        hulls = carve(possible, table.with_min_views(min_views + misses), empty_views, misses, at_once)
         filled.append(float(np.nanmedian(filled_shares(hulls, silhouettes, empty_views, cameras, table))))
         if filled[0] >= _FILLED:
             return 0  # consistent masks: more misses cannot change the result, so one carving is enough

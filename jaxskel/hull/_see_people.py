@@ -15,6 +15,7 @@ from ._carve import carve
 from ._frame_bits import FRAMES_PER_WORD
 from ._ghosts import explains_silhouettes
 from ._grid_placement import body_middles
+from ._others import without_others
 from ._people import find_people, observed_edge, seen_whole
 from ._projection_table import ProjectionTable
 from ._visual_hulls import VisualHulls
@@ -50,6 +51,7 @@ def see_people(
     max_misses: int,
     stopwatch: Stopwatch = lambda _: nullcontext(),
     at_once: int = FRAMES_PER_WORD,
+    hidden: UInt8[np.ndarray, "frames cams h w8"] | None = None,
 ) -> Seen:
     """Carve a batch of at most 32 frames and find the person in each.
 
@@ -61,12 +63,17 @@ def see_people(
         max_misses: Number of cameras that may see background at an occupied voxel.
         stopwatch: Called with the stages ``carve`` and ``graph``.
         at_once: Frames that are carved at once, see `carve`.
+        hidden: Packed bits of pixels where somebody else may stand before the person; they carve nothing.
     """
     empty_views, enough, status = _views(silhouettes, cameras, Status.NO_HULL)
     if table is None:
         return Seen(status, np.zeros(0, int), empty_views, None)
     with stopwatch("carve"):
-        hulls = carve(silhouettes, table, empty_views, max_misses, at_once)
+        if hidden is None:
+            hulls = carve(silhouettes, table, empty_views, max_misses, at_once)
+        else:
+            hulls = carve(silhouettes | hidden, table, empty_views, max_misses, at_once)
+            hulls = without_others(hulls, table, silhouettes, hidden)
     with stopwatch("graph"):
         people = find_people(
             hulls, edge, _CUT if max_misses else 0.0,

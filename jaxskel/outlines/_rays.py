@@ -37,11 +37,12 @@ def contours(
     cameras: Cameras,
     empty_views: Bool[np.ndarray, "frames cams"],
     count: int = RAYS,
+    hidden: UInt8[np.ndarray, "frames cams h w8"] | None = None,
 ) -> Contours:
     """Rays through the outlines of some frames' silhouettes, the same number from each view.
 
     An outline runs half-way between person and background pixels. There is no outline where the edge of the image cuts
-    the person off. Points are drawn at random with a fixed seed.
+    the person off, or where somebody else may stand before the person. Points are drawn at random with a fixed seed.
 
     Args:
         silhouettes: Packed bits.
@@ -49,11 +50,13 @@ def contours(
         empty_views: Views to leave out.
         count: Number of rays per frame; if there are fewer points, some are repeated, and if there are none at all, all
             rays are NaN.
+        hidden: Packed bits of pixels where somebody else may stand before the person.
     """
     own = cameras.centres
     centres, directions = (np.full((len(silhouettes), count, 3), np.nan, np.float32) for _ in range(2))
     for frame, packed in enumerate(silhouettes):
-        which = _write_directions(directions[frame], packed, cameras, empty_views[frame])
+        others = None if hidden is None else hidden[frame]
+        which = _write_directions(directions[frame], packed, cameras, empty_views[frame], others)
         if which is not None:
             centres[frame] = own[which]
     return Contours(centres, directions)
@@ -64,6 +67,7 @@ def _write_directions(
     silhouettes: UInt8[np.ndarray, "cams h w8"],
     cameras: Cameras,
     empty_views: Bool[np.ndarray, " cams"],
+    hidden: UInt8[np.ndarray, "cams h w8"] | None,
 ) -> Int[np.ndarray, " rays"] | None:
     """Write the directions of one frame's rays and return the camera of each; None if there is no outline."""
     bent = cameras.bent
@@ -73,6 +77,8 @@ def _write_directions(
             continue
         width, height = cameras.size[camera]
         steps, seen = _steps_in(packed[:height], int(width), box), None
+        if hidden is not None:
+            steps = _known(steps, hidden[camera, :height], int(width))
         if bent[camera]:  # keep points where the lens is one-to-one
             seen = rays(cameras, camera, steps.points)
             there = np.flatnonzero(np.isfinite(seen).all(1))
@@ -144,3 +150,11 @@ def _steps_in(packed: UInt8[np.ndarray, "h w8"], width: int, box: Box) -> _Steps
     across, down = np.flatnonzero(beside), np.flatnonzero(near[1:] ^ near[:-1])
     places = np.concatenate([across, down])
     return _Steps(places, np.arange(len(places)) >= len(across), (near.shape[1], left, top))
+
+
+def _known(steps: _Steps, hidden: UInt8[np.ndarray, "h w8"], width: int) -> _Steps:
+    """The outline points neither of whose pixels is hidden."""
+    columns, left, top = steps.part
+    near = unpacked_box(hidden, top, len(hidden), left, min(left + columns, width)).ravel()
+    other = steps.place + np.where(steps.below, columns, 1)
+    return steps.some(~(near[steps.place] | near[other]))

@@ -18,7 +18,7 @@ def advice(poses: Poses, recording: Recording) -> str | None:
         Status.EMPTY: "no view shows a person: are the masks inverted or black?",
         Status.TOO_FEW_VIEWS: "fewer than three views show a person",
         Status.NO_HULL: "the silhouettes have no common volume: is the calibration for these views, and in metres?",
-        Status.SEVERAL_PEOPLE: "more than one person is in view",
+        Status.SEVERAL_PEOPLE: "more than one person is in view; tell them apart by --people all",
         Status.PARTLY_OUTSIDE: "the person extends beyond what the cameras see",
         Status.NO_MATCH: "the hull is not that of a person with these dimensions: is the up axis right?",
         Status.FAILED: "the refinement failed",

@@ -23,12 +23,15 @@ def observed_volume(
     middles: Float[np.ndarray, "people 3"],
     misses: int,
     data: dict[str, Float[Array | np.ndarray, "people ..."]],
+    hidden: UInt8[np.ndarray, "frames cams h w8"] | None = None,
 ) -> Observed:
     """Observations from graph and outlines, and the recording's own data, of the frames with a person (one or more)."""
     own = silhouettes[seen.frames], cameras, seen.empty_views[seen.frames]
+    others = None if hidden is None else hidden[seen.frames]
+    possible = own[0] if others is None else own[0] | others
     # Carving allows few misses, because they make a hull fat; here the outlines limit how thick the body is.
-    distances = silhouette_distances(*own, misses + 1 if misses else 0)
-    outlines = contours(*own, 2 * RAYS if misses else RAYS)
+    distances = silhouette_distances(possible, *own[1:], misses + 1 if misses else 0)
+    outlines = contours(*own, 2 * RAYS if misses else RAYS, others)
     if misses:
         outlines = credible(outlines, distances, middles, (~own[2]).sum(1), RAYS)
     return Observed(limbs.paths, limbs.found, limbs.inner, outlines, distances, data)

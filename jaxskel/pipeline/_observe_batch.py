@@ -57,6 +57,7 @@ class Observation(NamedTuple):
         data: The recording's own data of the frames with a person.
         labelled: None if nobody is seen, or if it was not asked for.
         outlines: None in the same cases.
+        hidden: As the recording has it.
     """
 
     silhouettes: UInt8[np.ndarray, "frames cams h w8"]
@@ -64,6 +65,7 @@ class Observation(NamedTuple):
     data: dict[str, Float[Array | np.ndarray, "people ..."]]
     labelled: Labelled | None = None
     outlines: Outlines | None = None
+    hidden: UInt8[np.ndarray, "frames cams h w8"] | None = None
 
 
 def observe_batch(
@@ -92,13 +94,15 @@ def observe_batch(
         at_once: Frames that are carved at once, see `carve`.
     """
     silhouettes = np.asarray(part.silhouettes)
+    hidden = None if part.hidden is None else np.asarray(part.hidden)
     if carved:
         seen = see_people(
-            silhouettes, prepared.cameras, prepared.table, prepared.edge, prepared.max_misses, stopwatch, at_once
+            silhouettes, prepared.cameras, prepared.table, prepared.edge, prepared.max_misses, stopwatch, at_once,
+            hidden,
         )  # fmt: skip
     else:
         seen = trust_views(silhouettes, prepared.cameras)
-    observation = Observation(silhouettes, seen, take(part.data, seen.frames))
+    observation = Observation(silhouettes, seen, take(part.data, seen.frames), hidden=hidden)
     if len(seen.frames) == 0:
         return observation
     if label:
@@ -143,12 +147,12 @@ def look_at_outlines(
     middles: Float[np.ndarray, "people 3"] | None = None,
 ) -> Observation:
     """Add the outlines, and the labels if there are any, to an observation; `middles` (m) if they are known already."""
-    silhouettes, seen, data, labelled, _ = observation
+    silhouettes, seen, data, labelled, _, hidden = observation
     limbs = Limbs.none(len(seen.frames)) if labelled is None else labelled.limbs
     with stopwatch("observe"):
         if middles is None:
             middles = middles_of_people(seen, silhouettes, prepared.cameras)
         observed = observed_volume(
-            limbs, seen, silhouettes, prepared.cameras, middles, prepared.max_misses, data
+            limbs, seen, silhouettes, prepared.cameras, middles, prepared.max_misses, data, hidden
         )  # fmt: skip
     return observation._replace(outlines=Outlines(middles, observed))

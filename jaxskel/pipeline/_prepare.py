@@ -83,7 +83,7 @@ def place(
     skeleton, known = _skeleton(recording, settings)
     scale = scale_for(skeleton)
     skeleton, cameras = skeleton.scaled(scale), recording.cameras.rotated(to_z_up).scaled(scale)
-    silhouettes = recording.silhouettes
+    silhouettes, hidden = recording.silhouettes, recording.hidden
     min_views = _min_views(settings, cameras)
     empty_views = find_empty_views(silhouette_areas(silhouettes), cameras)
     box = None if grid is None else np.stack([np.asarray(grid.origin), grid.upper])
@@ -92,7 +92,7 @@ def place(
         box = np.stack([corners.min(0), corners.max(0)])
     max_misses = settings.hull.max_misses
     if max_misses is None:
-        max_misses = judge_misses(cameras, silhouettes, empty_views, min_views, box, at_once)
+        max_misses = judge_misses(cameras, silhouettes, empty_views, min_views, box, at_once, hidden)
     elif max_misses > len(cameras) - min_views:
         raise ValueError(
             f"{recording.name}: max_misses (--max-misses) {max_misses}: at least {min_views} of {len(cameras)} cameras "
@@ -101,7 +101,7 @@ def place(
     if box is not None and grid is None:
         grid = make_grid(box[0], box[1], settings.hull.spacing)
     elif grid is None:
-        grid = place_grid(cameras, silhouettes, empty_views, settings.hull.spacing, min_views, max_misses)
+        grid = place_grid(cameras, silhouettes, empty_views, settings.hull.spacing, min_views, max_misses, hidden)
     body = settings.body or make_body(skeleton)
     prepared = Prepared(
         to_z_up, cameras, None, np.zeros((0, 0, 0), bool), max_misses, skeleton, known, body, None, scale=scale

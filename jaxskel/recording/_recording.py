@@ -60,6 +60,8 @@ class Recording(eqx.Module):
         turns: Rotation of each camera's images after its calibration (degrees, clockwise), where known. `cameras`
             describe the images as they are now.
         data: What else is known of each frame, by names of your own, see `with_data`.
+        hidden: Packed bits of the pixels where somebody else may stand before the person, so that nothing is known of
+            the person there. None where all pixels are known.
 
     Raises:
         ValueError: The silhouettes are not packed bits of these cameras, or `fps` or `up` makes no sense.
@@ -75,6 +77,7 @@ class Recording(eqx.Module):
     name: str = "recording"
     turns: Int[np.ndarray, " cams"] | None = None
     data: dict[str, Float[np.ndarray, "_ ..."]] = eqx.field(default_factory=dict)
+    hidden: Silhouettes | None = None
 
     def __check_init__(self):
         """Reject silhouettes that are not those of the cameras, and facts that make no sense."""
@@ -85,6 +88,10 @@ class Recording(eqx.Module):
             raise ValueError(
                 f"{self.name}: silhouettes of shape {tuple(shape)}, {kind}; give packed bits of shape (frames, "
                 f"{', '.join(map(str, wanted))}), as pack_silhouettes makes them of masks"
+            )
+        if self.hidden is not None and self.hidden.shape != shape:
+            raise ValueError(
+                f"{self.name}: hidden: has shape {self.hidden.shape}; give that of the silhouettes, {shape}"
             )
         if len(self.frame_index) != shape[0]:
             raise ValueError(f"{self.name}: frame_index holds {len(self.frame_index)} numbers for {shape[0]} frames")
@@ -106,8 +113,13 @@ class Recording(eqx.Module):
         truth = None if self.truth is None else self.truth[index]
         data = {name: array[index] for name, array in self.data.items()}
         return replace(
-            self, silhouettes=self.silhouettes[index], frame_index=self.frame_index[index], truth=truth, data=data
-        )
+            self, silhouettes=self.silhouettes[index], frame_index=self.frame_index[index], truth=truth, data=data,
+            hidden=None if self.hidden is None else self.hidden[index],
+        )  # fmt: skip
+
+    def named(self, name: str) -> "Recording":
+        """The same with another name."""
+        return replace(self, name=name)
 
     def with_data(self, /, **data: Any) -> "Recording":
         """The same with more data, for terms of your own: numbers with the frames axis first, NaN where missing.

@@ -14,6 +14,12 @@ from ._markers import Markers as Markers
 from ._markers import with_up as with_up
 from ._mot import write_angles as write_angles
 from ._mot import write_mot as write_mot
+from ._people_file import ONLY_PERSON as ONLY_PERSON
+from ._people_file import read_people_poses as read_people_poses
+from ._people_file import tables_of as tables_of
+from ._people_file import write_people_archive as write_people_archive
+from ._people_file import write_people_poses as write_people_poses
+from ._poses_file import PEOPLE_KEY as PEOPLE_KEY
 from ._poses_file import read_poses as read_poses
 from ._poses_file import read_truth as read_truth
 from ._poses_file import write_archive as write_archive

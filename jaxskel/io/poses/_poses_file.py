@@ -13,7 +13,7 @@ from ...body import KeypointSet, Skeleton, SkeletonTemplate
 from ...poses import STATUS_NAMES, WITH_POSE, Poses
 from ...recording import Truth
 from ..calibrations import up_axis
-from ..files import fault, numbers, read_arrays
+from ..files import fault, numbers, read_arrays, texts
 from ..recordings import (
     TEMPLATE_KEYS,
     check_names,
@@ -27,6 +27,8 @@ from ..recordings import (
 from ._journal import JOURNAL_FILE, journal_arrays
 from ._markers import to_markers
 
+PEOPLE_KEY = "people"
+"""Key of the names of several people; other arrays then have an axis of people first, see `_people_file.py`."""
 # What an older version did not write.
 _ROTATIONS = ("rotations", "rest_joints", "rest_tips")
 _UNCERTAINTY = ("sigma", "stature_sigma")
@@ -50,7 +52,15 @@ def write_poses(folder: str | Path, poses: Poses) -> tuple[Path, Path]:
 
 def write_archive(path: str | Path, poses: Poses) -> Path:
     """Write the `poses.npz` of [`write_poses`][] alone, under any name; return its path."""
-    path, template = Path(path), poses.template
+    path = Path(path)
+    with written_whole(path) as file:
+        np.savez_compressed(file, **arrays_of(poses))
+    return path
+
+
+def arrays_of(poses: Poses) -> dict[str, Any]:
+    """The arrays of a `poses.npz`, by key."""
+    template = poses.template
     arrays: dict[str, Any] = {
         "joints": np.asarray(poses.joints, np.float32), "tips": np.asarray(poses.tips, np.float32),
         "confidence": np.asarray(poses.confidence, np.float32),
@@ -68,9 +78,7 @@ def write_archive(path: str | Path, poses: Poses) -> Path:
         arrays["sigma"] = np.asarray(poses.covariance, np.float32)
     if poses.stature_deviation is not None:
         arrays["stature_sigma"] = poses.stature_deviation
-    with written_whole(path) as file:
-        np.savez_compressed(file, **arrays)
-    return path
+    return arrays
 
 
 def write_table(path: str | Path, poses: Poses) -> Path:
@@ -126,7 +134,19 @@ def read_poses(path: str | Path) -> Poses:
         ValueError: One line that names the file, the key and how to mend it.
     """
     path = Path(path)
-    arrays = journal_arrays(path) if path.suffix == Path(JOURNAL_FILE).suffix else _archived(path)
+    arrays = journal_arrays(path) if path.suffix == Path(JOURNAL_FILE).suffix else archived_poses(path)
+    if PEOPLE_KEY in arrays:
+        names = ", ".join(texts(path, arrays, PEOPLE_KEY))
+        raise fault(path, PEOPLE_KEY, f"holds several people: {names}; read them with read_people_poses")
+    return poses_of(path, arrays)
+
+
+def poses_of(path: Path, arrays: dict[str, np.ndarray]) -> Poses:
+    """Check the arrays of a `poses.npz`, and make `Poses` of them.
+
+    Raises:
+        ValueError: One line that names the file, the key and how to mend it.
+    """
     template = template_of(path, arrays)
     check_names(path, arrays, "status_names", STATUS_NAMES)
     check_names(path, arrays, "segment_names", template.segment_names)
@@ -161,12 +181,12 @@ def read_poses(path: str | Path) -> Poses:
     )
 
 
-def _archived(path: Path) -> dict[str, np.ndarray]:
-    """The arrays of a `poses.npz`."""
+def archived_poses(path: Path) -> dict[str, np.ndarray]:
+    """The arrays of a `poses.npz`, of one person or several."""
     return read_arrays(
         path,
         required=("joints", "tips", "confidence", "side_confidence", "status", "fps", "up", "frame_index"),
-        optional=(*TEMPLATE_KEYS, "status_names", "segment_names", *_ROTATIONS, *_UNCERTAINTY),
+        optional=(*TEMPLATE_KEYS, "status_names", "segment_names", *_ROTATIONS, *_UNCERTAINTY, PEOPLE_KEY),
         most=max(2**28, _COMPRESSED * path.stat().st_size) if path.is_file() else 2**28,
     )
 

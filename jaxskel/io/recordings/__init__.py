@@ -15,6 +15,8 @@ from ._folders import described_span as described_span
 from ._folders import described_views as described_views
 from ._inputs import holds_silhouettes as holds_silhouettes
 from ._inputs import input_paths as input_paths
+from ._people import holds_people as holds_people
+from ._people import read_people as read_people
 from ._recordings import read_recording as read_recording
 from ._rig import Rig as Rig
 from ._rig import has_cameras as has_cameras
@@ -24,6 +26,7 @@ from ._sequence_file import frame_numbers as frame_numbers
 from ._sequence_file import frame_rate as frame_rate
 from ._sequence_file import skeleton_of as skeleton_of
 from ._sequence_file import truth as truth
+from ._sequence_file import write_people as write_people
 from ._sequence_file import write_recording as write_recording
 from ._template import TEMPLATE_KEYS as TEMPLATE_KEYS
 from ._template import check_names as check_names

@@ -22,6 +22,11 @@ person = [2, 18]                 # values of the masks that are the person, if n
 offset = 3                       # image that belongs to the recording's frame 0, if it is not image 0
 fps = 30.0                       # images per second, if they are not those of the recording
 
+[people.anna]                    # if there are several people: a table for each; `read_people` reads them
+person = [1]                     # values of all masks, or colours, that are this person; or, where each person has
+                                 # masks of their own, {person} stands for the name: masks = "masks/{person}/cam01"
+subject = "anna.toml"
+
 [cleaning]                       # of silhouettes in colour images; each is true if it is not here
 shadows = true                   # shadows on a plate or median are background
 smooth = true                    # single pixels go
@@ -59,7 +64,7 @@ RECORDING_FILE = "recording.toml"
 SUBJECT_FILE = "subject.toml"
 # A day of video at 100 frames per second: a larger span of image numbers is a mistake.
 _MOST_FRAMES = 10_000_000
-KEYS = ("fps", "calibration", "up", "unit", "frames", "subject", "views", "cleaning")
+KEYS = ("fps", "calibration", "up", "unit", "frames", "subject", "views", "cleaning", "people")
 
 
 def read_folder(folder: Path, in_memory: int) -> Recording:
@@ -78,6 +83,8 @@ def read_folder(folder: Path, in_memory: int) -> Recording:
     if not path.exists():
         raise fault(folder, None, f"holds no {RECORDING_FILE}; `jaxskel init {folder}` writes one")
     table = read_table(path)
+    if "people" in table:
+        raise fault(path, "people", "are several; read them with read_people, or take `jaxskel run`")
     return described_recording(path, table, described_views(path, table), in_memory)
 
 
@@ -91,11 +98,14 @@ def read_table(path: Path) -> dict[str, Any]:
 
 
 def described_views(
-    path: Path, table: dict[str, Any], open_images: Callable[[Path, str, Any], Frames] | None = None
+    path: Path,
+    table: dict[str, Any],
+    open_images: Callable[[Path, str, Any], Frames] | None = None,
+    may_lack: bool = False,
 ) -> list[View]:
     """The views that a `recording.toml` names; the file `path` itself need not exist yet.
 
-    `open_images` opens what the key `images` names; see `read_view`.
+    The masks of a view may lack the values that `person` names if `may_lack`. `open_images` opens what the key `images` names; see `read_view`.
 
     Raises:
         ValueError: As `read_folder` raises it.
@@ -103,7 +113,8 @@ def described_views(
     fps = rate(path, "fps", table.get("fps"), "frames per second")
     cleaning, shadows = _cleaning(path, table)
     return [
-        read_view(path, name, view, fps, cleaning, shadows, open_images) for name, view in _views(path, table).items()
+        read_view(path, name, view, fps, cleaning, shadows, open_images, may_lack)
+        for name, view in _views(path, table).items()
     ]
 
 

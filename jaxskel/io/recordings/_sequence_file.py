@@ -4,6 +4,7 @@ Every fault is a `ValueError` of one line that names the file, the key and how t
 """
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from jaxtyping import Float
 from ..._runtime.atomic_files import written_whole
 from ...body import HUMAN_15, Skeleton, SkeletonTemplate, make_skeleton
 from ...cameras import Cameras, make_cameras
-from ...recording import Recording, Truth
+from ...recording import Recording, Silhouettes, Truth
 from ..calibrations import up_axis
 from ..files import StoredRows, fault, keys_of, numbers, read_arrays, short, switches, texts
 from ._stored import StoredSilhouettes
@@ -26,6 +27,10 @@ _LONGEST = 50.0
 # Packed silhouettes larger than this (bytes) stay on disk: a minute at 30 frames per second fits, half an hour does
 # not.
 IN_MEMORY = 256 << 20
+# Begins the keys of the silhouettes of several people.
+_PERSON = "silhouettes_"
+# Keys that each of several people has.
+_OF_PERSON = ("rest_joints", "rest_tips", "joints", "tips")
 # Of keys that hold data of one's own.
 _PREFIX = "data_"
 
@@ -38,7 +43,8 @@ def read_sequence_file(path: Path, in_memory: int = IN_MEMORY) -> Recording:
     each lens is a cv2.fisheye one), `camera_names`, `frame_index`, the subject's `rest_joints` and `rest_tips` (m), the
     ground truth `joints` and `tips` (world, m, NaN where unknown). `template` is the text of the template that all of
     these are of (`SkeletonTemplate.text`), if it is not the paper's human. Keys that begin with `data_` are data for
-    terms of one's own, with a row for each frame, see `Recording.with_data`. Other keys are ignored.
+    terms of one's own, with a row for each frame, see `Recording.with_data`. `hidden`, packed like `silhouettes`, says
+    where somebody else may stand before the person. Other keys are ignored.
 
     Args:
         path: The file.
@@ -47,28 +53,60 @@ def read_sequence_file(path: Path, in_memory: int = IN_MEMORY) -> Recording:
     Raises:
         ValueError: One line that names the file, the key and how to mend it.
     """
-    stored = StoredRows(path, "silhouettes")
+    people = people_in_file(path)
+    if people:
+        raise fault(path, "silhouettes", f"is of several people: {', '.join(people)}; read them with read_people")
+    return _read(path, in_memory)
+
+
+def _read(path: Path, in_memory: int, person: str | None = None) -> Recording:
+    """The recording of one of several people, whose own keys end in the name, or of the only one."""
+    of = "" if person is None else f"_{person}"
+    stored = StoredRows(path, f"silhouettes{of}")
     own = [key for key in keys_of(path) if key.startswith(_PREFIX)]
     arrays = read_arrays(
         path,
         required=("K", "R", "t", "size", "fps"),
-        optional=("up", "dist", "fisheye", "camera_names", "frame_index", "rest_joints", "rest_tips", "joints", "tips",
-                  *TEMPLATE_KEYS, *own),
+        optional=("up", "dist", "fisheye", "camera_names", "frame_index", *TEMPLATE_KEYS, *own,
+                  *(f"{key}{of}" for key in _OF_PERSON)),
     )  # fmt: skip
+    arrays |= {key: arrays[f"{key}{of}"] for key in _OF_PERSON if f"{key}{of}" in arrays}
     template = template_of(path, arrays)
     cameras = _cameras(path, arrays)
     silhouettes = StoredSilhouettes(stored, cameras)
     frames = len(silhouettes)
+    hidden = StoredSilhouettes(StoredRows(path, "hidden"), cameras) if "hidden" in keys_of(path) else None
     return Recording(
         cameras=cameras,
-        silhouettes=silhouettes if math.prod(silhouettes.shape) > in_memory else silhouettes[:],
+        silhouettes=_kept(silhouettes, in_memory),
+        hidden=None if hidden is None else _kept(hidden, in_memory),
         fps=frame_rate(path, arrays),
         up=up_axis(path, arrays),
         frame_index=frame_numbers(path, arrays, frames),
         skeleton=skeleton_of(path, arrays, template),
         truth=truth(path, arrays, frames, template),
-        name=path.stem,
+        name=path.stem if person is None else person,
     ).with_data(**{key.removeprefix(_PREFIX): rows_of(path, arrays, key, frames) for key in own})
+
+
+def _kept(stored: StoredSilhouettes, in_memory: int) -> Silhouettes:
+    """In memory, unless they are too large for it."""
+    return stored if math.prod(stored.shape) > in_memory else stored[:]
+
+
+def people_in_file(path: Path) -> list[str]:
+    """Names of the people of a sequence file of several; empty if it is of one."""
+    keys = keys_of(path)
+    return [] if "silhouettes" in keys else [key.removeprefix(_PERSON) for key in keys if key.startswith(_PERSON)]
+
+
+def read_people_file(path: Path, in_memory: int = IN_MEMORY) -> dict[str, Recording]:
+    """Read a sequence file of several people: each has their own ``silhouettes_anna``, and so on.
+
+    Raises:
+        ValueError: As `read_sequence_file` raises it.
+    """
+    return {name: _read(path, in_memory, name) for name in people_in_file(path)}
 
 
 def write_recording(path: str | Path, recording: Recording, made_by: str | None = None) -> None:
@@ -82,15 +120,36 @@ def write_recording(path: str | Path, recording: Recording, made_by: str | None 
     Raises:
         ValueError: Skeleton and truth are of different templates.
     """
-    cameras, skeleton, truth = recording.cameras, recording.skeleton, recording.truth
-    templates = [known.template for known in (skeleton, truth) if known is not None] or [HUMAN_15]
-    if templates[0] != templates[-1]:
-        raise ValueError(
-            f"{path}: skeleton and truth are of the templates {templates[0].name} and {templates[-1].name}; a file "
-            "holds one, so leave one of them out"
-        )
+    _write(path, {"": recording}, made_by)
+
+
+def write_people(path: str | Path, people: Mapping[str, Recording], made_by: str | None = None) -> None:
+    """Write the recordings of several people in one room as one file, for `read_people`.
+
+    Keys that each person has end in the name: ``silhouettes_anna``, and so on. `hidden` follows from the silhouettes
+    of the others and is not written.
+
+    Raises:
+        ValueError: Skeletons and truths are of different templates.
+    """
+    _write(path, {f"_{name}": recording for name, recording in people.items()}, made_by)
+
+
+def _write(path: str | Path, recordings: dict[str, Recording], made_by: str | None) -> None:
+    """Write the recordings by the ends of their keys, with what is common to all from the first one."""
+    recording = next(iter(recordings.values()))
+    cameras = recording.cameras
+    templates = [
+        known.template for each in recordings.values() for known in (each.skeleton, each.truth) if known is not None
+    ] or [HUMAN_15]
+    for other in templates:
+        if templates[0] != other:
+            raise ValueError(
+                f"{path}: skeleton and truth are of the templates {templates[0].name} and {other.name}; a file holds "
+                "one, so leave one of them out"
+            )
     arrays: dict[str, Any] = {
-        "silhouettes": recording.silhouettes, "K": cameras.K, "R": cameras.R, "t": cameras.t,
+        "K": cameras.K, "R": cameras.R, "t": cameras.t,
         "size": cameras.size[0] if (cameras.size == cameras.size[0]).all() else cameras.size,
         "dist": cameras.dist, "camera_names": cameras.names,
         "fps": recording.fps, "up": recording.up, "frame_index": recording.frame_index,
@@ -98,10 +157,15 @@ def write_recording(path: str | Path, recording: Recording, made_by: str | None 
     }  # fmt: skip
     if cameras.fisheye is not None:
         arrays |= {"fisheye": cameras.fisheye}
-    if skeleton is not None:
-        arrays |= {"rest_joints": skeleton.rest_joints, "rest_tips": skeleton.rest_tips}
-    if truth is not None:
-        arrays |= {"joints": truth.joints} | ({} if truth.tips is None else {"tips": truth.tips})
+    for end, each in recordings.items():
+        own: dict[str, Any] = {"silhouettes": each.silhouettes}
+        if each.hidden is not None and not end:
+            own |= {"hidden": each.hidden}
+        if each.skeleton is not None:
+            own |= {"rest_joints": each.skeleton.rest_joints, "rest_tips": each.skeleton.rest_tips}
+        if each.truth is not None:
+            own |= {"joints": each.truth.joints} | ({} if each.truth.tips is None else {"tips": each.truth.tips})
+        arrays |= {f"{key}{end}": array for key, array in own.items()}
     arrays |= {_PREFIX + name: array for name, array in recording.data.items()}
     if made_by is not None:
         arrays["made_by"] = made_by

@@ -48,6 +48,7 @@ def read_view(
     cleaning: Cleaning,
     shadows: bool,
     open_images: Callable[[Path, str, Any], Frames] | None = None,
+    may_lack: bool = False,
 ) -> View:
     """Make a view from its table.
 
@@ -59,6 +60,7 @@ def read_view(
         cleaning: How silhouettes that are cut out here are cleaned.
         shadows: Whether shadows on a plate are background.
         open_images: Opens what `images` names; by default `open_frames`.
+        may_lack: Whether the masks may lack the values of the person: one of several, who is not seen here.
 
     Raises:
         ValueError: One line that names the file, the key and how to mend it.
@@ -73,7 +75,7 @@ def read_view(
         if given:
             raise fault(path, f"{where}{given[0]}", "belongs to images; masks need no background")
         frames = open_frames(path, f"{where}masks", table["masks"])
-        frames, matte = _masks(path, where, frames, table.get("person"))
+        frames, matte = _masks(path, where, frames, table.get("person"), may_lack)
     else:
         if "person" in table:
             raise fault(path, f"{where}person", "belongs to masks; in images a background tells the person")
@@ -94,9 +96,9 @@ def read_view(
     return View(name, frames, matte, offset, own / fps)
 
 
-def _masks(path: Path, where: str, frames: Frames, person: Any) -> tuple[Frames, Matte]:
+def _masks(path: Path, where: str, frames: Frames, person: Any, may_lack: bool) -> tuple[Frames, Matte]:
     """A view's masks, and the rule that finds the person in them."""
-    rule = rule_of(frames) if person is None else rule_for(frames, _person(path, f"{where}person", person))
+    rule = rule_of(frames) if person is None else rule_for(frames, _person(path, f"{where}person", person), may_lack)
     if rule.matte is None:
         told = f"{rule.told}, person = {person_text(rule.person)}" if rule.person else rule.told
         raise fault(path, f"{where}{'masks' if person is None else 'person'}", told)

@@ -91,8 +91,8 @@ def rule_of(frames: Frames) -> MaskRule:
     return MaskRule(frames, matte, found.told, is_picture=found.grey_share > _MOST_GREY)
 
 
-def rule_for(frames: Frames, person: Person) -> MaskRule:
-    """The rule that takes these values of a view's masks for the person.
+def rule_for(frames: Frames, person: Person, may_lack: bool = False) -> MaskRule:
+    """The rule that takes these values of a view's masks for the person; masks without any are a fault or `may_lack`.
 
     Raises:
         ValueError: One line that names the file, if an image cannot be read.
@@ -108,7 +108,7 @@ def rule_for(frames: Frames, person: Person) -> MaskRule:
         found = values.told(tally.counts)
         return MaskRule(frames, None, f"are in colour, {found}; name colours, person = [[255, 0, 0]]")
     matte = Masks(values, Among(numbers))
-    if not _is_anywhere(inside, matte):
+    if not may_lack and not _is_anywhere(inside, matte):
         found = values.told(tally.counts)
         return MaskRule(inside, None, f"none of the masks holds {values.told(numbers)}; there are {found}")
     return MaskRule(inside, matte)

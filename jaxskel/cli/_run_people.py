@@ -1,0 +1,99 @@
+"""`jaxskel run` of several people in one room."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import typer
+
+from ..batch import Method
+from ..io.poses import tables_of, write_people_poses
+from ..io.recordings import holds_people, read_people
+from ..people import MOST_PEOPLE, everybody, hide_others, tell_people_apart
+from ..pipeline import Settings
+from ..poses import Poses, smooth
+from ..recording import Recording
+from ..verdict import doubts_before_work
+from ._outputs import check_output, files_of
+from ._progress import StageTimes, progress_bar, reconstruct_with_progress, summary
+from ._say import say, warn
+from ._template import found_subject
+
+ALL = "all"
+"""Value of the option ``--people`` for as many as there are."""
+
+
+def are_several(source: Path, people: str | None) -> bool:
+    """Whether a recording is of several people, by its masks or by the option.
+
+    Raises:
+        ValueError: The option makes no sense, or is given for people who have masks of their own.
+    """
+    if people is not None and people != ALL and not (people.isdecimal() and 1 <= int(people) <= MOST_PEOPLE):
+        raise ValueError(f"--people {people}: give a number from 1 to {MOST_PEOPLE}, or {ALL}")
+    named = holds_people(source)
+    if named and people is not None:
+        raise ValueError(f"--people: is for masks that show everybody; {source} has masks of each person; leave it out")
+    return named or people not in (None, "1")
+
+
+def run_people(
+    source: Path,
+    output: Path,
+    method: Method,
+    people: str | None,
+    jobs: int,
+    others: Iterable[Path],
+) -> None:
+    """Reconstruct everybody, one after the other; write poses.npz and a table for each person.
+
+    Raises:
+        ValueError: One line that names the file and how to mend it.
+    """
+    if method.subject is not None:
+        raise ValueError(f"--subject {method.subject}: is one person, but there are several; name it in recording.toml")
+    inputs = [*files_of(source), *others]
+    check_output(output, ("poses.npz",), inputs)
+    found = _people_in(source, method, people)
+    if not found:
+        warn(f"{source}: nobody is seen in enough views; do the silhouettes fit the calibration?")
+        raise typer.Exit(1)
+    check_output(output, ("poses.npz", *tables_of(found)), inputs)
+    settings, poses = method.settings_for_subject(), {}
+    for name, recording in found.items():
+        times = StageTimes()
+        poses[name] = _reconstructed(name, recording, settings, method.smooth_hz, times, jobs)
+        if recording.skeleton is None:
+            say(f"{name}: {found_subject(poses[name])}")
+        say(f"{name}: {summary(poses[name], times)}")
+    archive, *tables = write_people_poses(output, poses)
+    count = "1 person" if len(poses) == 1 else f"{len(poses)} people"
+    say(f"{archive}, {', '.join(map(str, tables))}: {count}: {', '.join(poses)}")
+    missed = [name for name, each in poses.items() if not each.has_pose.any()]
+    if missed:
+        warn(f"{source}: no frame has a pose of {', '.join(missed)}")
+        raise typer.Exit(1)
+
+
+def _people_in(source: Path, method: Method, people: str | None) -> dict[str, Recording]:
+    """The recording of each person, told apart by masks or by the bodies of the hull."""
+    if holds_people(source):
+        named = read_people(source)
+        for told in doubts_before_work(source, everybody(named), method.anyway):
+            warn(told)
+        return hide_others(named)
+    recording = method.read(source)
+    for told in doubts_before_work(source, recording, method.anyway):
+        warn(told)
+    progress, task = progress_bar("telling people apart", len(recording))
+    with progress:
+        return tell_people_apart(
+            recording, None if people in (None, ALL) else int(people),
+            lambda done: progress.update(task, completed=done),
+        )  # fmt: skip
+
+
+def _reconstructed(
+    name: str, recording: Recording, settings: Settings, smooth_hz: float | None, times: StageTimes, jobs: int
+) -> Poses:
+    poses = reconstruct_with_progress(recording, settings, times, jobs, f"{name}: ")[0]
+    return poses if smooth_hz is None else smooth(poses, smooth_hz)
