@@ -108,7 +108,8 @@ def run(
         raise ValueError("--data: is of one person, but there are several; leave it out")
     others = [path for path in (subject, objective, data) if path is not None] + files_of_template(template)
     if several:
-        return run_people(source, output, method, people, jobs, others)
+        run_people(source, output, method, people, jobs, others)
+        return
     check_output(output, POSES_FILES, [*files_of(source), *others])
     settings, times = method.settings_for_subject(), StageTimes()
     if preset is Preset.PAPER and holds_volumes(source):

@@ -77,7 +77,10 @@ def see_people(
     with stopwatch("graph"):
         people = find_people(
             hulls, edge, _CUT if max_misses else 0.0,
-            lambda f, body: explains_silhouettes(hulls, f, body, silhouettes[f], cameras, empty_views[f]),
+            # Who was told apart from others is one person: other bodies are theirs.
+            lambda f, body: (
+                hidden is not None or explains_silhouettes(hulls, f, body, silhouettes[f], cameras, empty_views[f])
+            ),
         )  # fmt: skip
         status[enough] = people.status[enough]
         cut = ~seen_whole(people.hulls, table, empty_views)

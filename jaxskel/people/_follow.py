@@ -139,7 +139,7 @@ class _Crowd:
         for number, person in self.people.items():
             if person.unseen:
                 continue
-            _, near = tree.query(person.ahead, distance_upper_bound=_BESIDE)
+            near = np.asarray(tree.query(person.ahead, distance_upper_bound=_BESIDE)[1])
             there = near < len(body)
             shares = np.bincount(body[near[there]], minlength=len(bodies)) / len(near)
             if shares.max() >= _SHARE:
@@ -208,7 +208,7 @@ class _Crowd:
         return found
 
     def _number_of(self, voxels: Voxels) -> int | None:
-        """Number of somebody who comes: of the one who left and is as tall, otherwise a new one; None if all are here."""
+        """Number of somebody who comes: of one who left and is as tall, else a new one; None if there are enough."""
         gone = [number for number, person in self.people.items() if person.unseen and self._as_tall(person, voxels)]
         if gone:
             return min(gone, key=lambda number: abs(self.people[number].tall - float(np.ptp(voxels[:, 2]) + 1)))

@@ -5,7 +5,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ..cameras import Cameras
-from ..hull import ProjectionTable, VoxelGrid, bodies_among, carve, judge_misses, make_grid, projection_table
+from ..hull import ProjectionTable, bodies_among, carve, judge_misses, make_grid, projection_table
 from ..recording import MIN_VIEWS, Recording, find_empty_views, rotation_to_z_up, silhouette_areas
 
 SPACING = 0.05
@@ -53,7 +53,7 @@ def make_room(recording: Recording) -> Room:
         return nothing
     corners = np.asarray(first.origin) + first.spacing * np.stack([voxels.min(0) - 2, voxels.max(0) + 3])
     misses = judge_misses(cameras, silhouettes, gone, views, corners)
-    grid: VoxelGrid = make_grid(*corners, SPACING)
+    grid = make_grid(corners[0], corners[1], SPACING)
     return Room(cameras, projection_table(cameras, grid, *size, views + misses), misses, empty_views)
 
 

@@ -36,7 +36,9 @@ def write_people_poses(folder: str | Path, people: Mapping[str, Poses]) -> tuple
     """
     folder = Path(folder)
     archive = write_people_archive(folder / "poses.npz", people)
-    return archive, *(write_table(folder / name, poses) for name, poses in zip(tables_of(people), people.values()))
+    return archive, *(
+        write_table(folder / name, poses) for name, poses in zip(tables_of(people), people.values(), strict=True)
+    )
 
 
 def tables_of(people: Mapping[str, Any]) -> list[str]:

@@ -105,7 +105,8 @@ def described_views(
 ) -> list[View]:
     """The views that a `recording.toml` names; the file `path` itself need not exist yet.
 
-    The masks of a view may lack the values that `person` names if `may_lack`. `open_images` opens what the key `images` names; see `read_view`.
+    `open_images` opens what the key `images` names; masks may lack the values of the person if `may_lack`; see
+    `read_view`.
 
     Raises:
         ValueError: As `read_folder` raises it.

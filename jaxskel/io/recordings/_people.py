@@ -1,4 +1,4 @@
-"""Reads the recordings of several people in one room, of whom each has masks, or values of common masks, of their own."""
+"""Reads the recordings of several people in one room, each of whom has masks, or mask values, of their own."""
 
 import re
 from pathlib import Path
