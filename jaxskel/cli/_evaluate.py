@@ -2,14 +2,14 @@
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 
 from .._runtime.atomic_files import written_whole
-from ..io.poses import read_poses, read_truth
-from ..poses import Score, score_poses, score_table
+from ..io.poses import read_people_poses, read_people_truth
+from ..poses import PeopleScore, Score, join_scores, score_people, score_poses, score_table
 from ..recording import rows_by_index
 from ._outputs import check_output
 from ._poseless import end_without_pose
@@ -26,26 +26,57 @@ def evaluate(
     """Score poses as the paper's Table 1 and Figure 3 do."""
     if output is not None:
         check_output(output, SCORE_FILES, [poses, truth])
-    estimated = read_poses(poses)
-    true, up, index = read_truth(truth)
-    if up != estimated.up:
-        raise ValueError(f"{truth}: up is {up} but {poses} has {estimated.up}; give both in the same world")
-    rows = rows_by_index(str(truth), index, estimated)
+    people = read_people_poses(poses)
+    truths = read_people_truth(truth)
+    rows = {}
+    for name, (_, up, index) in truths.items():
+        for each in people.values():
+            if up != each.up:
+                raise ValueError(f"{truth}: up is {up} but {poses} has {each.up}; give both in the same world")
+            rows[name] = rows_by_index(str(truth), index, each)
     try:
-        result = score_poses(estimated, true.joints[rows], true.template)
+        if len(people) == len(truths) == 1:
+            (true, _, _), estimated = truths.popitem()[1], next(iter(people.values()))
+            result = score_poses(estimated, true.joints[next(iter(rows.values()))], true.template)
+            Console().print(score_table({poses.parent.name or poses.stem: result}))
+            figures = result.to_dict()
+        else:
+            template = next(iter(truths.values()))[0].template
+            every = score_people(people, {name: true[0].joints[rows[name]] for name, true in truths.items()}, template)
+            result, figures = join_scores(every.scores.values()), _figures(every)
+            Console().print(score_table({_both(name, every.found_as[name]): one for name, one in every.scores.items()}))
+            say(
+                f"{every.exchanged} identities exchanged, {every.missed} people missed and {every.false} false of "
+                f"{every.total} in all frames: MOTA {100 * every.accuracy:.1f} %"
+            )
     except ValueError as error:
         raise ValueError(f"{truth}: {error}") from None
-    Console().print(score_table({poses.parent.name or poses.stem: result}))
     if output is not None:
-        say(f"{write_score(output, result)}: {len(result)} frames scored")
-    end_without_pose(poses, estimated)
+        say(f"{write_score(output, result, figures)}: {len(result)} frames scored")
+    end_without_pose(poses, *people.values())
 
 
-def write_score(folder: Path, result: Score) -> Path:
-    """Write score.json and score.png; return the path of the first."""
+def _both(true: str, found: str | None) -> str:
+    """Name of a true person, with that of the poses that are theirs."""
+    return true if found == true else f"{true} (no poses)" if found is None else f"{true} ({found})"
+
+
+def _figures(every: PeopleScore) -> dict[str, Any]:
+    """The figures of several people, as plain numbers for JSON."""
+    return {
+        "people": {
+            name: {"found_as": every.found_as[name], **one.to_dict()} for name, one in every.scores.items()
+        },
+        "identities_exchanged": every.exchanged, "missed": every.missed, "false": every.false, "total": every.total,
+        "mota": every.accuracy,
+    }  # fmt: skip
+
+
+def write_score(folder: Path, result: Score, figures_of_all: dict[str, Any] | None = None) -> Path:
+    """Write score.json, of `figures_of_all` if they are others than the score's, and score.png; return the first."""
     figures, picture = (folder / name for name in SCORE_FILES)
     with written_whole(figures) as file:
-        file.write((json.dumps(result.to_dict(), indent=1) + "\n").encode())
+        file.write((json.dumps(figures_of_all or result.to_dict(), indent=1) + "\n").encode())
     from ..visualization.plots import plot_score
 
     plot_score(result, picture)

@@ -16,6 +16,7 @@ from ._mot import write_angles as write_angles
 from ._mot import write_mot as write_mot
 from ._people_file import ONLY_PERSON as ONLY_PERSON
 from ._people_file import read_people_poses as read_people_poses
+from ._people_file import read_people_truth as read_people_truth
 from ._people_file import tables_of as tables_of
 from ._people_file import write_people_archive as write_people_archive
 from ._people_file import write_people_poses as write_people_poses

@@ -8,9 +8,20 @@ import numpy as np
 
 from ..._runtime.atomic_files import written_whole
 from ...poses import Poses
-from ..files import fault, texts
+from ...recording import Truth
+from ..files import fault, keys_of, texts
+from ..recordings import people_in_file
 from ._journal import JOURNAL_FILE
-from ._poses_file import PEOPLE_KEY, archived_poses, arrays_of, poses_of, read_poses, write_archive, write_table
+from ._poses_file import (
+    PEOPLE_KEY,
+    archived_poses,
+    arrays_of,
+    poses_of,
+    read_poses,
+    read_truth,
+    write_archive,
+    write_table,
+)
 
 # Arrays that each person has; all others are the same for all people.
 _OF_EACH = (
@@ -100,3 +111,22 @@ def read_people_poses(path: str | Path) -> dict[str, Poses]:
         each = {key: array for key, array in each.items() if key != "stature_sigma" or np.isfinite(array).all()}
         found[name] = poses_of(path, shared | each)
     return found
+
+
+def read_people_truth(path: str | Path) -> dict[str, tuple[Truth, str, np.ndarray]]:
+    """What the poses of several people can be scored against, by name, as `read_truth` reads it of one person.
+
+    Raises:
+        ValueError: One line that names the file, the key and how to mend it.
+    """
+    path = Path(path)
+    names = people_in_file(path)
+    if names:
+        return {name: read_truth(path, f"_{name}") for name in names}
+    if PEOPLE_KEY in keys_of(path):
+        found = read_people_poses(path)
+        return {
+            name: (Truth(poses.joints.astype(np.float64), template=poses.template), poses.up, poses.frame_index)
+            for name, poses in found.items()
+        }
+    return {ONLY_PERSON: read_truth(path)}

@@ -191,8 +191,12 @@ def archived_poses(path: Path) -> dict[str, np.ndarray]:
     )
 
 
-def read_truth(path: str | Path) -> tuple[Truth, str, np.ndarray]:
+def read_truth(path: str | Path, of: str = "") -> tuple[Truth, str, np.ndarray]:
     """Read what poses can be scored against: the ground truth of a sequence file, or the poses of a `poses.npz`.
+
+    Args:
+        path: The file.
+        of: End of the keys of one of several people in a sequence file.
 
     Returns:
         The joints (world, m, NaN where unknown), the world's up axis, and the number of each frame.
@@ -201,7 +205,8 @@ def read_truth(path: str | Path) -> tuple[Truth, str, np.ndarray]:
         ValueError: One line that names the file, the key and how to mend it.
     """
     path = Path(path)
-    arrays = read_arrays(path, ("joints",), ("tips", "up", "frame_index", *TEMPLATE_KEYS))
+    arrays = read_arrays(path, (f"joints{of}",), (f"tips{of}", "up", "frame_index", *TEMPLATE_KEYS))
+    arrays |= {key: arrays[key + of] for key in ("joints", "tips") if key + of in arrays}
     found = truth(path, arrays, None, template_of(path, arrays))
     assert found is not None  # `joints` is required above
     return found, up_axis(path, arrays), frame_numbers(path, arrays, len(found.joints))

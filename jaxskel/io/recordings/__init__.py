@@ -24,6 +24,7 @@ from ._rig import read_rig as read_rig
 from ._sequence_file import IN_MEMORY as IN_MEMORY
 from ._sequence_file import frame_numbers as frame_numbers
 from ._sequence_file import frame_rate as frame_rate
+from ._sequence_file import people_in_file as people_in_file
 from ._sequence_file import skeleton_of as skeleton_of
 from ._sequence_file import truth as truth
 from ._sequence_file import write_people as write_people
