@@ -5,7 +5,12 @@ In: a number of frames and cameras. Out: a `Recording` with `Truth`.
 
 from ._adult import draw_adult as draw_adult
 from ._anatomy import detailed_body as detailed_body
+from ._meetings import handshake as handshake
+from ._meetings import hug as hug
+from ._meetings import stand_close as stand_close
+from ._meetings import walk_by as walk_by
 from ._motion import demo_motion as demo_motion
+from ._people import make_people as make_people
 from ._random_poses import random_poses as random_poses
 from ._render import View as View
 from ._render import make_view as make_view

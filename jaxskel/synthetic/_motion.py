@@ -5,6 +5,7 @@ overshoot (PCHIP), so knees and elbows never bend the wrong way between two keys
 """
 
 import numpy as np
+from jaxtyping import Float
 
 from ..body import JOINT_NAMES, SEGMENT_NAMES, TIP_NAMES, Pose, Skeleton, place_body, place_joints
 from ..io.mocap import turn
@@ -96,7 +97,18 @@ def demo_motion(skeleton: Skeleton, frames: int = 60, fps: float = 5.0) -> Pose:
     seconds = (np.arange(frames) / fps) % DURATION
     from scipy.interpolate import PchipInterpolator  # takes a quarter of a second to import, and only scenes need it
 
-    angle = {name: np.deg2rad(PchipInterpolator(*_tails(keys))(seconds)) for name, keys in _KEYS.items()}
+    return poses_by_angles(skeleton, {name: PchipInterpolator(*_tails(keys))(seconds) for name, keys in _KEYS.items()})
+
+
+def poses_by_angles(skeleton: Skeleton, degrees: dict[str, Float[np.ndarray, " frames"]]) -> Pose:
+    """Poses of somebody who stands on the floor, from the angles of `_KEYS` (degrees); those left out are 0.
+
+    Args:
+        skeleton: Template (m), in any rest pose.
+        degrees: Each angle in all frames; at least one.
+    """
+    none = np.zeros_like(next(iter(degrees.values())))
+    angle = {name: np.deg2rad(degrees.get(name, none)) for name in _KEYS}
     rotations = _rotations(skeleton, angle)
     return Pose(_stand(skeleton, rotations, angle["turn"]), rotations)
 
