@@ -31,9 +31,8 @@ _MEETINGS = {"walk by": (walk_by, 2), "stand close": (stand_close, 2), "handshak
 
 def own_scenes(frames: int, seed: int) -> Iterator[tuple[str, dict[str, Recording]]]:
     """Meetings of people drawn at random, by name."""
-    random = np.random.default_rng(seed)
-    for name, (meeting, count) in _MEETINGS.items():
-        skeletons = [draw_adult(random).skeleton for _ in range(count)]
+    for scene, (name, (meeting, count)) in enumerate(_MEETINGS.items()):
+        skeletons = [draw_adult(1000 * seed + 10 * scene + place).skeleton for place in range(count)]
         motions = meeting(skeletons, frames, _FPS)
         names = (f"p{place + 1}" for place in range(count))
         yield name, make_people(dict(zip(names, zip(skeletons, motions, strict=True), strict=True)), _FPS)

@@ -102,11 +102,11 @@ def export(
 
 def _of_person(output: Path, name: str) -> Path:
     """The file of one of several people: anna's trial.trc is trial_anna.trc."""
-    for end in (_DEVIATIONS, _ANGLES):
+    for end in (_DEVIATIONS, f".{_ANGLES}", f"_{_ANGLES}"):
         if output.name.lower().endswith(end):
-            start = output.name[: -len(end)]
-            joint = "_" if start and not start.endswith("_") else ""
-            return output.with_name(f"{start}{joint}{name}{'_' if end == _ANGLES else ''}{output.name[-len(end) :]}")
+            return output.with_name(f"{output.name[: -len(end)]}_{name}{output.name[-len(end) :]}")
+    if output.name.lower() == _ANGLES:
+        return output.with_name(f"{name}_{output.name}")
     return output.with_name(f"{output.stem}_{name}{output.suffix}")
 
 

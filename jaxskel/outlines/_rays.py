@@ -157,4 +157,4 @@ def _known(steps: _Steps, hidden: UInt8[np.ndarray, "h w8"], width: int) -> _Ste
     columns, left, top = steps.part
     near = unpacked_box(hidden, top, len(hidden), left, min(left + columns, width)).ravel()
     other = steps.place + np.where(steps.below, columns, 1)
-    return steps.some(~(near[steps.place] | near[other]))
+    return steps.some(np.flatnonzero(~(near[steps.place] | near[other])))

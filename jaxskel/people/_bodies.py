@@ -17,7 +17,7 @@ CELL = 8
 _OWN_SHARE = 0.1
 _LEAST = 0.004  # smaller bodies are parts of people, or noise (m^3)
 
-Voxels = Int[np.ndarray, "n 3"]
+Voxels = Int[np.ndarray, "_ 3"]
 
 
 def bodies_of_frames(

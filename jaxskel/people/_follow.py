@@ -21,8 +21,10 @@ _VOLUME_SHARE = 0.3
 _LEAST = 0.012  # and at least this volume (m^3)
 # Somebody who comes back is as tall as before (m).
 _AS_TALL = 0.12
-# How much of a new velocity is taken.
-_FRESH = 0.5
+# How much of a new velocity is taken, and how much of it is left in every frame in which people touch.
+_FRESH, _SLOWED = 0.5, 0.7
+# How often people who touch are moved to where they explain their common body best.
+_ROUNDS = 4
 # A part of a common body with less than this share of the person's volume says nothing about the person.
 _TOO_LITTLE = 0.25
 
@@ -36,21 +38,25 @@ class _Person:
     unseen: int = 0
     tall: float = 0.0
     volume: float = 0.0
+    alone: Float[np.ndarray, "_ 3"] = field(default_factory=lambda: np.zeros((0, 3)))
+    """Their voxels when they were last a body of their own, moved on to where they are now."""
 
     @property
     def ahead(self) -> Float[np.ndarray, "n 3"]:
         return self.voxels + self.velocity
 
-    def moved(self, voxels: Voxels, whole: bool) -> None:
-        """Take where they are now; `whole` unless somebody else is in the same body."""
+    def moved(self, voxels: Voxels) -> None:
+        """Take the body that they are now."""
         step = (voxels.mean(0) - self.voxels.mean(0)) / (self.unseen + 1)
-        fresh = _FRESH if whole else 0.2 * _FRESH
-        self.velocity = (1 - fresh) * self.velocity + fresh * step
-        self.voxels, self.unseen = voxels, 0
-        if whole:
-            tall = float(np.ptp(voxels[:, 2]) + 1)
-            self.tall = max(self.tall, tall)
-            self.volume = len(voxels) if self.volume == 0 else 0.9 * self.volume + 0.1 * len(voxels)
+        self.velocity = (1 - _FRESH) * self.velocity + _FRESH * step
+        self.voxels, self.unseen, self.alone = voxels, 0, voxels.astype(np.float64)
+        self.tall = max(self.tall, float(np.ptp(voxels[:, 2]) + 1))
+        self.volume = len(voxels) if self.volume == 0 else 0.9 * self.volume + 0.1 * len(voxels)
+
+    def moved_within(self, part: Voxels, step: Float[np.ndarray, "3"]) -> None:
+        """Take the part that they are of a body in which others are, too."""
+        self.velocity = _SLOWED * self.velocity
+        self.voxels, self.unseen, self.alone = part, 0, self.alone + step
 
 
 Whereabouts = list[dict[int, Voxels]]
@@ -77,7 +83,7 @@ def follow(bodies: list[list[Voxels]], spacing: float, fps: float, most: int) ->
     for order in (range(anchor, len(bodies)), range(anchor - 1, -1, -1)):
         crowd = _Crowd(spacing, fps, most, {number: _Person(voxels) for number, voxels in enumerate(first)}, names)
         for person in crowd.people.values():
-            person.moved(person.voxels, True)
+            person.moved(person.voxels)
             person.velocity = np.zeros(3)
         for frame in order:
             for back, found in crowd.step(bodies[frame]):
@@ -118,7 +124,7 @@ class _Crowd:
         for body, voxels in enumerate(bodies):
             own = [number for number, claimed in claims.items() if claimed == body]
             if len(own) == 1:
-                self.people[own[0]].moved(voxels, True)
+                self.people[own[0]].moved(voxels)
                 found[own[0]] = voxels
             elif own:
                 found |= self._divided(voxels, own)
@@ -163,15 +169,29 @@ class _Crowd:
         return abs(float(np.ptp(voxels[:, 2]) + 1) - person.tall) * self._spacing <= _AS_TALL
 
     def _divided(self, voxels: Voxels, own: list[int]) -> dict[int, Voxels]:
-        """A common body, each voxel given to the person who is expected nearest to it."""
-        expected = [self.people[number].ahead for number in own]
-        whose = np.repeat(np.arange(len(own)), [len(each) for each in expected])
-        _, near = KDTree(np.concatenate(expected)).query(voxels)
+        """A common body, each voxel given to the person whose body is nearest, as it was when they were alone.
+
+        These bodies are moved to where they explain the common one best, by iterated closest points: what is common is
+        near some of them, and they lie in what is common.
+        """
+        shapes = [self.people[number].alone for number in own]
+        whose = np.repeat(np.arange(len(own)), [len(each) for each in shapes])
+        steps = np.stack([self.people[number].velocity for number in own])
+        common = KDTree(voxels)
+        for _ in range(_ROUNDS):
+            moved = np.concatenate(shapes) + steps[whose]
+            near = np.asarray(KDTree(moved).query(voxels)[1])
+            inside = voxels[np.asarray(common.query(moved)[1])] - moved
+            for place in range(len(own)):
+                covered = whose[near] == place
+                pulls = [inside[whose == place]] + ([voxels[covered] - moved[near[covered]]] if covered.any() else [])
+                steps[place] += np.mean([pull.mean(0) for pull in pulls], axis=0)
+        near = np.asarray(KDTree(np.concatenate(shapes) + steps[whose]).query(voxels)[1])
         found = {}
         for place, number in enumerate(own):
             part, person = voxels[whose[near] == place], self.people[number]
             if len(part) >= _TOO_LITTLE * person.volume:
-                person.moved(part, False)
+                person.moved_within(part, steps[place])
                 found[number] = part
         return found
 
@@ -203,7 +223,7 @@ class _Crowd:
             person = self.people.setdefault(number, _Person(past[0]))
             person.unseen = 0
             for back, voxels in zip(range(len(past) - 1, -1, -1), past, strict=True):
-                person.moved(voxels, True)
+                person.moved(voxels)
                 found.append((back, {number: voxels}))
         return found
 

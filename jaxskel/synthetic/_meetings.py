@@ -59,7 +59,7 @@ def handshake(skeletons: Sequence[Skeleton], frames: int, fps: float) -> list[Po
     angles = _blended(_STANDING, _HAND_OUT, near)
     angles["r_elbow"] = angles["r_elbow"] + shaking
     # Hands meet where each reaches.
-    reach = sum(_hand(skeleton) for skeleton in skeletons[:2])
+    reach = np.sum([_hand(skeleton) for skeleton in skeletons[:2]], axis=0)
     return _face_to_face(skeletons, angles, near, float(reach[0]), float(reach[1]))
 
 

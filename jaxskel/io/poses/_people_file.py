@@ -106,7 +106,7 @@ def read_people_poses(path: str | Path) -> dict[str, Poses]:
     shared = {key: array for key, array in arrays.items() if key not in (*own, PEOPLE_KEY)}
     found = {}
     for place, name in enumerate(names):
-        each = {key: arrays[key][place] for key in own}
+        each = {key: np.asarray(arrays[key][place]) for key in own}
         # Only what is known of this person.
         each = {key: array for key, array in each.items() if key != "stature_sigma" or np.isfinite(array).all()}
         found[name] = poses_of(path, shared | each)

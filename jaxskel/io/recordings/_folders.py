@@ -62,6 +62,8 @@ from ._view_table import number, rate, read_view, text
 
 RECORDING_FILE = "recording.toml"
 SUBJECT_FILE = "subject.toml"
+PERSON_PLACE = "{person}"
+"""Stands for the name of each of several people in the names of masks."""
 # A day of video at 100 frames per second: a larger span of image numbers is a mistake.
 _MOST_FRAMES = 10_000_000
 KEYS = ("fps", "calibration", "up", "unit", "frames", "subject", "views", "cleaning", "people")

@@ -7,7 +7,7 @@ from typing import Any
 
 from ..calibrations import beside
 from ..files import MOST_BYTES, keys_of, parse_toml, read_bounded
-from ._folders import RECORDING_FILE, SUBJECT_FILE
+from ._folders import PERSON_PLACE, RECORDING_FILE, SUBJECT_FILE
 from ._view_table import place_of
 
 _VIEW_KEYS = ("masks", "images", "plate")
@@ -30,7 +30,7 @@ def input_paths(recording: Path) -> dict[str, Path]:
         return {recording.name: recording} if recording.exists() else {}
     table = _table(recording / RECORDING_FILE)
     calibration = table.get("calibration")
-    names = [RECORDING_FILE, calibration, table.get("subject", SUBJECT_FILE), *_of_views(table)]
+    names = [RECORDING_FILE, calibration, table.get("subject", SUBJECT_FILE), *_of_views(table), *_of_people(table)]
     if isinstance(calibration, str):
         names += beside(calibration)
     paths = {name: place_of(recording, name) for name in names if isinstance(name, str) and _is_path(name)}
@@ -54,3 +54,13 @@ def _of_views(table: dict[str, Any]) -> Iterator[Any]:
     for view in views.values() if isinstance(views, dict) else ():
         if isinstance(view, dict):
             yield from (view.get(key) for key in _VIEW_KEYS)
+
+
+def _of_people(table: dict[str, Any]) -> Iterator[Any]:
+    """Subjects of several people, and masks that each has."""
+    people = table.get("people")
+    for name, person in people.items() if isinstance(people, dict) else ():
+        yield person.get("subject") if isinstance(person, dict) else None
+        for masks in _of_views(table):
+            if isinstance(masks, str) and PERSON_PLACE in masks:
+                yield masks.replace(PERSON_PLACE, name)

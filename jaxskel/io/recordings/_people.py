@@ -7,10 +7,10 @@ from typing import Any
 from ..._runtime.kinds import check_kind
 from ...recording import Recording
 from ..files import check_known, fault, parse_toml
-from ._folders import RECORDING_FILE, described_recording, described_views, read_table
+from ._folders import PERSON_PLACE, RECORDING_FILE, described_recording, described_views, read_table
 from ._sequence_file import IN_MEMORY, people_in_file, read_people_file
+from ._view_table import person_of
 
-_PLACE = "{person}"
 _KEYS = ("person", "subject")
 # Names become those of files.
 _NAME = r"[A-Za-z0-9][A-Za-z0-9_-]*"
@@ -60,6 +60,8 @@ def _in_folder(path: Path, in_memory: int) -> dict[str, Recording]:
             raise fault(path, f"people.{name}", "is no name; give letters, digits, _ and -")
         for key in own:
             check_known(path, key, _KEYS, f"people.{name}.")
+        if "person" in own:
+            person_of(path, f"people.{name}.person", own["person"])  # refuses what is none
         given = table | {"views": _views_of(path, name, own, table.get("views"))}
         if "subject" in own:
             given["subject"] = own["subject"]
@@ -79,13 +81,13 @@ def _views_of(path: Path, name: str, own: dict[str, Any], views: Any) -> Any:
             raise fault(path, f"{where}masks", "is missing; people are told apart by masks, so each view needs them")
         if "person" in table:
             raise fault(path, f"{where}person", "belongs to one person; give person in the table of each of the people")
-        if ("person" in own) == (_PLACE in masks):
+        if ("person" in own) == (PERSON_PLACE in masks):
             raise fault(
                 path, f"people.{name}.person",
-                f'give either the values of the masks that are {name}, person = [1], or {_PLACE} in the masks of all '
-                f'views, masks = "{_PLACE}/{view}"',
+                f"give either the values of the masks that are {name}, person = [1], or {PERSON_PLACE} in the masks of "
+                f'all views, masks = "{PERSON_PLACE}/{view}"',
             )  # fmt: skip
-        found[view] = table | {"masks": masks.replace(_PLACE, name)}
+        found[view] = table | {"masks": masks.replace(PERSON_PLACE, name)}
         if "person" in own:
             found[view]["person"] = own["person"]
     return found

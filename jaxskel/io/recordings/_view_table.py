@@ -98,14 +98,14 @@ def read_view(
 
 def _masks(path: Path, where: str, frames: Frames, person: Any, may_lack: bool) -> tuple[Frames, Matte]:
     """A view's masks, and the rule that finds the person in them."""
-    rule = rule_of(frames) if person is None else rule_for(frames, _person(path, f"{where}person", person), may_lack)
+    rule = rule_of(frames) if person is None else rule_for(frames, person_of(path, f"{where}person", person), may_lack)
     if rule.matte is None:
         told = f"{rule.told}, person = {person_text(rule.person)}" if rule.person else rule.told
         raise fault(path, f"{where}{'masks' if person is None else 'person'}", told)
     return rule.frames, rule.matte
 
 
-def _person(path: Path, key: str, value: Any) -> Person:
+def person_of(path: Path, key: str, value: Any) -> Person:
     """Check the mask values or colours of the person."""
     if isinstance(value, list) and 0 < len(value) <= _MOST_VALUES:
         if all(type(number) is int and 0 <= number <= 65535 for number in value):
