@@ -16,6 +16,7 @@ from . import io as io
 from . import live as live
 from . import matching as matching
 from . import outlines as outlines
+from . import people as people
 from . import pipeline as pipeline
 from . import recording as recording
 from . import refinement as refinement

@@ -31,6 +31,7 @@ from .poses import BVH_NAMES as BVH_NAMES
 from .poses import Animation as Animation
 from .poses import Markers as Markers
 from .poses import parse_trc as parse_trc
+from .poses import read_people_poses as read_people_poses
 from .poses import read_poses as read_poses
 from .poses import read_trc as read_trc
 from .poses import read_truth as read_truth
@@ -39,13 +40,16 @@ from .poses import write_bvh as write_bvh
 from .poses import write_c3d as write_c3d
 from .poses import write_keypoint_table as write_keypoint_table
 from .poses import write_mot as write_mot
+from .poses import write_people_poses as write_people_poses
 from .poses import write_poses as write_poses
 from .poses import write_table as write_table
 from .poses import write_trc as write_trc
 from .poses import write_trc_deviations as write_trc_deviations
 from .recordings import read_data as read_data
+from .recordings import read_people as read_people
 from .recordings import read_recording as read_recording
 from .recordings import read_volumes as read_volumes
+from .recordings import write_people as write_people
 from .recordings import write_recording as write_recording
 from .subjects import read_body as read_body
 from .subjects import read_subject as read_subject
