@@ -34,6 +34,10 @@ Scene = class extends Scene {
     if (dot === null) return;
     this.pen.font = "600 13px system-ui, sans-serif";
     this.pen.textAlign = "center";
+    // A rim keeps it legible over bones.
+    this.pen.strokeStyle = colours.panel;
+    this.pen.lineWidth = 3;
+    this.pen.strokeText(person.name, dot.x, dot.y - 4);
     this.pen.fillStyle = colours[hueOf(person)];
     this.pen.fillText(person.name, dot.x, dot.y - 4);
     this.pen.textAlign = "start";
