@@ -5,10 +5,11 @@ from typing import Annotated
 
 import typer
 
-from ..io.poses import read_poses
-from ..io.recordings import read_recording
+from ..io.poses import read_people_poses
 from ..pipeline import HullSettings
+from ..poses import Poses
 from ..recording import Recording
+from ._everybody import one_or_all, read_room
 from ._outputs import check_output_file, files_of
 from ._poseless import end_without_pose
 from ._progress import progress_bar
@@ -47,7 +48,8 @@ def view(
     inputs = [*files_of(source), *([] if poses is None else [poses])]
     if save is not None:
         check_output_file(save, inputs)
-    recording, found = read_recording(source), None if poses is None else read_poses(poses)
+    recording, people = read_room(source), None if poses is None else read_people_poses(poses)
+    found = None if people is None else one_or_all(people)
     chosen = _slice(frames, recording)
     progress, task = progress_bar("carving", len(recording))
 
@@ -59,13 +61,19 @@ def view(
             count = show_view(recording, found, settings, chosen, on_frame)
         else:
             count = save_view(save, recording, found, settings, chosen, on_frame)
-    what = f"{count} frames, {len(recording.cameras)} views, {'no poses' if found is None else 'with poses'}"
+    what = f"{count} frames, {len(recording.cameras)} views, {_shown(people)}"
     if save is None:
         say(f"{source}: {what}, shown in the window of rerun")
     else:
         say(f"{save}: {what}, {save.stat().st_size / 1e6:.1f} MB; `rerun {save}` shows it")
-    if poses is not None and found is not None:
-        end_without_pose(poses, found)
+    if poses is not None and people is not None:
+        end_without_pose(poses, *people.values())
+
+
+def _shown(people: dict[str, Poses] | None) -> str:
+    if people is None:
+        return "no poses"
+    return "with poses" if len(people) == 1 else f"with poses of {len(people)} people"
 
 
 def _slice(frames: str, recording: Recording) -> slice:

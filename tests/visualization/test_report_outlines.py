@@ -92,8 +92,8 @@ def test_however_long_the_recording_the_page_keeps_its_limit(recording, poses, t
         strides.append(numbers["stride"] if shown else np.inf)
         assert shown == -(-len(index) // numbers["stride"]) or shown == 0
         drawn = unpacked(numbers["skeletons"], "<i2", shown, 4, 20, 2)
-        once = make_overlays(recording, np.arange(FRAMES), np.concatenate([poses.joints, poses.tips], 1), 10**9)
-        np.testing.assert_array_equal(drawn, once.skeletons[(numbers["stride"] * np.arange(shown)) % FRAMES])
+        once = make_overlays(recording, np.arange(FRAMES), np.concatenate([poses.joints, poses.tips], 1)[None], 10**9)
+        np.testing.assert_array_equal(drawn, once.skeletons[0, (numbers["stride"] * np.arange(shown)) % FRAMES])
     assert strides == sorted(strides)
     assert strides[-1] > 1
 

@@ -12,7 +12,14 @@ from typing import Any
 from ..._runtime.plain_text import plain
 
 
-def filled(page: str, scripts: Sequence[str], title: str, numbers: dict[str, Any], **parts: str) -> str:
+def filled(
+    page: str,
+    scripts: Sequence[str],
+    title: str,
+    numbers: dict[str, Any],
+    styles: Sequence[str] = ("style.css",),
+    **parts: str,
+) -> str:
     """A page as text. Its security policy only allows its own script and style, by their hashes.
 
     Args:
@@ -20,6 +27,7 @@ def filled(page: str, scripts: Sequence[str], title: str, numbers: dict[str, Any
         scripts: Names of the scripts in this folder, in order of their dependencies.
         title: Name of what the page shows.
         numbers: Data for the scripts.
+        styles: Names of the style sheets in this folder; later ones have precedence.
         parts: HTML for other places of the template.
     """
     folder = files("jaxskel.visualization.report")
@@ -27,7 +35,7 @@ def filled(page: str, scripts: Sequence[str], title: str, numbers: dict[str, Any
     def text(name: str) -> str:
         return folder.joinpath(name).read_text("utf-8")
 
-    script, style = "\n".join(map(text, scripts)), text("style.css")
+    script, style = "\n".join(map(text, scripts)), "\n".join(map(text, styles))
     # In JSON "<" only occurs in strings; once escaped, no name can close the script element.
     data = json.dumps(numbers, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     return Template(text(page)).substitute(

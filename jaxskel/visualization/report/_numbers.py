@@ -36,18 +36,29 @@ def page_numbers(recording: Recording, poses: Poses, truth: Truth | None, overla
     turn = rotation_to_z_up(poses.up)
     shown = body_points(poses) @ turn.T
     true = None if truth is None else _by_name(truth, poses.template) @ turn.T
-    origin, step = _steps([shown] if true is None else [shown, true])
-    cameras = recording.cameras
-    # An outline is stored as its first point and the differences between consecutive points.
-    first = np.cumsum(overlays.lengths) - overlays.lengths
-    steps = np.delete(np.diff(overlays.points, axis=0, prepend=np.int16(0)), first, axis=0)
-    return scene_numbers(recording, poses.template, shown, origin, step) | pose_numbers(poses, origin, step) | {
-        "frames": len(poses), "fps": poses.fps, "frame_index": packed(poses.frame_index, "<f8"),
+    origin, step = steps_of([shown] if true is None else [shown, true])
+    scene = scene_numbers(recording, poses.template, shown, origin, step)
+    return scene | pose_numbers(poses, origin, step) | time_numbers(poses) | {
         "truth_joints": [] if truth is None else [
             i for i, name in enumerate(poses.template.joint_names) if name in truth.template.joint_names
         ],
         "truth": None if true is None else packed(_in_steps(true, origin, step), "<i2"),
-        "side_confidence": packed(np.round(255 * poses.side_confidence), "u1"),
+        "side_confidence": packed_sides(poses),
+    } | view_numbers(recording, overlays) | {"skeletons": packed(overlays.skeletons[0], "<i2")}  # fmt: skip
+
+
+def time_numbers(poses: Poses) -> dict[str, Any]:
+    """What the frames are."""
+    return {"frames": len(poses), "fps": poses.fps, "frame_index": packed(poses.frame_index, "<f8")}
+
+
+def view_numbers(recording: Recording, overlays: Overlays) -> dict[str, Any]:
+    """The views and the silhouettes in them."""
+    cameras = recording.cameras
+    # An outline is stored as its first point and the differences between consecutive points.
+    first = np.cumsum(overlays.lengths) - overlays.lengths
+    steps = np.delete(np.diff(overlays.points, axis=0, prepend=np.int16(0)), first, axis=0)
+    return {
         "views": [
             {"name": plain(name), "size": size.tolist(), "scale": UNITS * display_scale(size)}
             for name, size in zip(cameras.names, cameras.size, strict=True)
@@ -56,7 +67,6 @@ def page_numbers(recording: Recording, poses: Poses, truth: Truth | None, overla
         "stride": overlays.stride, "shown": len(overlays),
         "counts": packed(overlays.counts, "<u4"), "lengths": packed(overlays.lengths, "<u4"),
         "starts": packed(overlays.points[first], "<i2"), "steps": packed(steps, "i1"),
-        "skeletons": packed(overlays.skeletons, "<i2"),
     }  # fmt: skip
 
 
@@ -100,6 +110,11 @@ def pose_numbers(poses: Poses, origin: Float[np.ndarray, "3"], step: float) -> d
     }
 
 
+def packed_sides(poses: Poses) -> str:
+    """How surely left and right are told apart in every frame."""
+    return packed(np.round(255 * poses.side_confidence), "u1")
+
+
 def body_points(poses: Poses) -> Float[np.ndarray, "frames points 3"]:
     """Joints followed by tips (m)."""
     return np.concatenate([poses.joints, poses.tips], axis=1).astype(np.float64)
@@ -126,7 +141,7 @@ def _spread(
     return np.round(factors[..., rows, columns] / _STEP).clip(-_LARGEST, _LARGEST).astype(np.int16)
 
 
-def _steps(clouds: list[np.ndarray]) -> tuple[np.ndarray, float]:
+def steps_of(clouds: list[np.ndarray]) -> tuple[np.ndarray, float]:
     """The centre of all points (m), and the size of a quantisation step (m)."""
     points = np.concatenate([cloud.reshape(-1, 3) for cloud in clouds])
     points = points[np.isfinite(points).all(axis=1)]

@@ -20,14 +20,14 @@ class Overlays:
         counts: Number of outlines in each view.
         lengths: Number of points of each outline, ordered by frame, then by view.
         points: Points of the outlines, in display units.
-        skeletons: Projected joints and tips, in display units; `UNSEEN` if missing.
+        skeletons: Projected joints and tips of each person, in display units; `UNSEEN` if missing.
     """
 
     stride: int
     counts: Int[np.ndarray, "shown cams"]
     lengths: Int[np.ndarray, " outlines"]
     points: Int16[np.ndarray, "n 2"]
-    skeletons: Int16[np.ndarray, "shown cams points 2"]
+    skeletons: Int16[np.ndarray, "people shown cams points 2"]
 
     def __len__(self) -> int:
         return len(self.counts)
@@ -36,7 +36,7 @@ class Overlays:
 def make_overlays(
     recording: Recording,
     rows: Int[np.ndarray, " frames"],
-    skeletons: Float[np.ndarray, "frames points 3"],
+    bodies: Float[np.ndarray, "people frames points 3"],
     room: int,
     on_frame: Callable[[int], None] | None = None,
 ) -> Overlays:
@@ -47,11 +47,11 @@ def make_overlays(
     Args:
         recording: Silhouettes and cameras.
         rows: Frame of the recording for each frame of the page.
-        skeletons: Joints and tips in the world (m), NaN without a pose.
+        bodies: Joints and tips of each person in the world (m), NaN without a pose.
         room: Largest size of the overlays in the page (bytes).
         on_frame: Called with the number of frames done.
     """
-    views = len(recording.cameras)
+    views, points = len(recording.cameras), bodies.shape[0] * bodies.shape[2]
     shown: list[list[list[np.ndarray]]] = []
     sizes: list[int] = []
     stride, total = 1, 0
@@ -60,7 +60,7 @@ def make_overlays(
             shown.append(_frame_outlines(recording, row))
             lengths = [len(outline) for view in shown[-1] for outline in view]
             # Two bytes for a difference, four for a point, a length or a count.
-            sizes.append(packed_size(2 * sum(lengths) + 8 * len(lengths) + 4 * views * (skeletons.shape[1] + 1)))
+            sizes.append(packed_size(2 * sum(lengths) + 8 * len(lengths) + 4 * views * (points + 1)))
             total += sizes[-1]
             while total > room and len(shown) > 1:
                 stride, shown, sizes = 2 * stride, shown[::2], sizes[::2]
@@ -76,7 +76,7 @@ def make_overlays(
         counts=np.array([[len(view) for view in views_] for views_ in shown], np.int64).reshape(-1, views),
         lengths=np.array([len(outline) for outline in flat], np.int64),
         points=np.concatenate([np.empty((0, 2), np.int16), *flat]),
-        skeletons=drawn_skeletons(recording.cameras, skeletons[::stride][: len(shown)]),
+        skeletons=np.stack([drawn_skeletons(recording.cameras, body[::stride][: len(shown)]) for body in bodies]),
     )
 
 

@@ -1,11 +1,12 @@
 """The text parts of the page: facts of the recording, bone lengths, score. All names are escaped."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from importlib.metadata import version
 
 import numpy as np
 
+from ..._runtime.plain_text import plain
 from ...body import HUMAN_15, Skeleton
 from ...poses import Poses, Score
 from ...recording import Recording
@@ -14,17 +15,35 @@ from ._numbers import body_points
 
 def facts(recording: Recording, poses: Poses) -> str:
     """Facts of the recording, and the status of its frames."""
+    return _facts(poses, [("with a pose", _posed(poses))], recording, _stature(poses))
+
+
+def facts_of_people(recording: Recording, people: Mapping[str, Poses]) -> str:
+    """Facts of the recording, and the status of everybody's frames."""
+    told = [
+        (plain(name), ", ".join(f"{key} {value}" for key, value in (("with a pose", _posed(poses)), *_stature(poses))))
+        for name, poses in people.items()
+    ]
+    return _facts(next(iter(people.values())), told, recording, [])
+
+
+def _facts(poses: Poses, posed: list[tuple[str, str]], recording: Recording, stature: list[tuple[str, str]]) -> str:
     sizes = list(dict.fromkeys(f"{w} x {h}" for w, h in recording.cameras.size.tolist()))
-    counts = ", ".join(f"{count} {name}" for name, count in poses.counts().items())
     rows = (
         ("frames", f"{len(poses)} ({len(poses) / poses.fps:.2f} s at {poses.fps:g} fps)"),
-        ("with a pose", f"{int(poses.has_pose.sum())} ({counts})"),
+        *posed,
         ("cameras", f"{len(recording.cameras)} of {', '.join(sizes)} px"),
         ("up", poses.up),
-        *_stature(poses),
+        *stature,
         ("page made by", ", ".join(f"{name} {version(name)}" for name in ("jaxskel", "jax", "numpy"))),
     )
     return "".join(f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>" for name, value in rows)
+
+
+def _posed(poses: Poses) -> str:
+    """How many frames have a pose, and the status of all."""
+    counts = ", ".join(f"{count} {name}" for name, count in poses.counts().items())
+    return f"{int(poses.has_pose.sum())} ({counts})"
 
 
 def _stature(poses: Poses) -> list[tuple[str, str]]:
@@ -60,6 +79,12 @@ def bone_lengths(poses: Poses, skeleton: Skeleton | None) -> str:
         rows.append(row if known is None else [*row, f"{known[i]:.0f}"])
     head = ["bone", "median mm", "5 to 95 %", *([] if known is None else ["subject mm"])]
     return _table(head, rows)
+
+
+def bone_lengths_of_people(people: Mapping[str, Poses]) -> str:
+    """Table of bone lengths of each person."""
+    each = (f"<div><h3>{escape(plain(name))}</h3>{bone_lengths(poses, None)}</div>" for name, poses in people.items())
+    return f"<div class='each'>{''.join(each)}</div>"
 
 
 def varying_bones(poses: Poses) -> str:

@@ -83,5 +83,3 @@ class Player {
     moves[event.key]();
   }
 }
-
-new Player();

@@ -1,6 +1,6 @@
 """Sends a recording to the viewer: first everything that is constant over time, then frame by frame."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -8,9 +8,10 @@ from jaxtyping import Float, Int
 from ...pipeline import Settings, prepare
 from ...poses import STATUS_NAMES, WITH_POSE, Poses
 from ...recording import Recording, recording_rows
-from .. import node_labels, thickness
+from .. import node_labels
+from ._figures import Figure, figures_of
 from ._rerun import rr
-from ._skeleton import body_points, log_skeleton
+from ._skeleton import log_skeleton
 from ._stages import FrameStages, stages_of_frames
 from ._views import log_cameras, log_projections, log_silhouettes
 
@@ -24,7 +25,7 @@ _NODE, _EDGE = 0.02, 0.004  # m
 def log_recording(
     stream: rr.RecordingStream,
     recording: Recording,
-    poses: Poses | None = None,
+    poses: Poses | Mapping[str, Poses] | None = None,
     settings: Settings | None = None,
     frames: slice = slice(None),
     on_frame: Callable[[int, int], None] | None = None,
@@ -38,7 +39,8 @@ def log_recording(
     Args:
         stream: Destination.
         recording: Silhouettes and cameras.
-        poses: Poses of all its frames, or of some; then only these frames are shown. Nothing is reconstructed.
+        poses: Poses of all its frames, or of some; then only these frames are shown. Nothing is reconstructed. Of
+            several people, poses by name, of the same frames: each has a colour, and a place of their own in the tree.
         settings: Settings for hull and graph.
         frames: Frames of the recording to show, counted from 0.
         on_frame: Called with the number of frames logged and the total number.
@@ -49,44 +51,52 @@ def log_recording(
     Raises:
         ValueError: Poses of another recording, or no frame to show.
     """
-    rows, places = shown_frames(recording, poses, frames)
+    figures = figures_of(poses)
+    rows, places = _shown(recording, figures, frames)
     settings = settings or Settings()
     prepared = prepare(recording, settings, calibrate=False)
     stream.log("world", _up_axis(recording.up), static=True)
     log_cameras(stream, recording.cameras)
-    if poses is not None:
+    for figure in figures:
+        of = "" if figure.name is None else f"{figure.name}: "
         for name, title in (("joints", "joints, mean"), ("sides", "left and right")):
-            stream.log(f"confidence/{name}", rr.SeriesLines(names=title), static=True)
+            stream.log(figure.under("confidence") + f"/{name}", rr.SeriesLines(names=of + title), static=True)
     labels = node_labels(prepared.skeleton.template)
-    thick = 1.0 if poses is None else thickness(poses.template, np.concatenate([poses.joints, poses.tips], 1))
     stages = stages_of_frames(recording, rows, prepared, settings)
     for done, (row, place, found) in enumerate(zip(rows.tolist(), places.tolist(), stages, strict=True), 1):
-        stream.set_time("frame", sequence=int(recording.frame_index[row]))
+        number = int(recording.frame_index[row])
+        stream.set_time("frame", sequence=number)
         stream.set_time("time", duration=row / recording.fps)
         log_silhouettes(stream, recording.cameras, found.silhouettes)
         _log_stages(stream, found, labels, settings.hull.spacing / prepared.scale)
-        status = found.status if poses is None else poses.status[place]
-        _log_status(stream, int(recording.frame_index[row]), int(status))
-        if poses is not None:
-            _log_pose(stream, recording, poses, place, thick)
+        if poses is None:
+            _log_status(stream, "status", number, int(found.status))
+        for figure in figures:
+            _log_status(stream, figure.under("status"), number, int(figure.poses.status[place]))
+            _log_pose(stream, recording, figure, place)
         if on_frame is not None:
             on_frame(done, len(rows))
     return len(rows)
 
 
-def shown_frames(
-    recording: Recording, poses: Poses | None, frames: slice
-) -> tuple[Int[np.ndarray, " frames"], Int[np.ndarray, " frames"]]:
-    """Frames of the recording to show, counted from 0, ascending, and the corresponding frames of the poses.
+def check_shown(recording: Recording, poses: Poses | Mapping[str, Poses] | None, frames: slice) -> None:
+    """Check whether there is something to show, before anything is written or opened.
 
     Raises:
         ValueError: Poses of another recording, or no frame to show.
     """
-    rows = np.arange(len(recording)) if poses is None else recording_rows(recording, poses)
+    _shown(recording, figures_of(poses), frames)
+
+
+def _shown(
+    recording: Recording, figures: list[Figure], frames: slice
+) -> tuple[Int[np.ndarray, " frames"], Int[np.ndarray, " frames"]]:
+    """Frames of the recording to show, counted from 0, ascending, and the corresponding frames of the poses."""
+    rows = recording_rows(recording, figures[0].poses) if figures else np.arange(len(recording))
     places = np.argsort(rows, kind="stable")
     chosen = np.isin(rows[places], np.arange(len(recording))[frames])
     if not chosen.any():
-        what = "no frame" if poses is None else "no frame with an entry in the poses"
+        what = "no frame with an entry in the poses" if figures else "no frame"
         raise ValueError(f"{recording.name}: {what} is among those chosen; frames count from 0 to {len(recording) - 1}")
     places = places[chosen]
     return rows[places], places
@@ -105,17 +115,17 @@ def _log_stages(stream: rr.RecordingStream, found: FrameStages, names: tuple[str
     stream.log("world/labels", nodes)
 
 
-def _log_status(stream: rr.RecordingStream, number: int, status: int) -> None:
+def _log_status(stream: rr.RecordingStream, path: str, number: int, status: int) -> None:
     level = rr.TextLogLevel.INFO if status in WITH_POSE else rr.TextLogLevel.WARN
-    stream.log("status", rr.TextLog(f"frame {number}: {STATUS_NAMES[status]}", level=level))
+    stream.log(path, rr.TextLog(f"frame {number}: {STATUS_NAMES[status]}", level=level))
 
 
-def _log_pose(stream: rr.RecordingStream, recording: Recording, poses: Poses, place: int, thick: float) -> None:
-    points = body_points(poses, place)
-    log_skeleton(stream, poses.template, points, poses.confidence[place].astype(np.float64), thick)
-    log_projections(stream, recording.cameras, poses.template, points)
-    stream.log("confidence/joints", rr.Scalars(float(poses.confidence[place].mean())))
-    stream.log("confidence/sides", rr.Scalars(float(poses.side_confidence[place])))
+def _log_pose(stream: rr.RecordingStream, recording: Recording, figure: Figure, place: int) -> None:
+    log_skeleton(stream, figure, place)
+    log_projections(stream, recording.cameras, figure, place)
+    confidence, poses = figure.under("confidence"), figure.poses
+    stream.log(f"{confidence}/joints", rr.Scalars(float(poses.confidence[place].mean())))
+    stream.log(f"{confidence}/sides", rr.Scalars(float(poses.side_confidence[place])))
 
 
 def _single(points: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:

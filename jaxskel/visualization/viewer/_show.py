@@ -3,7 +3,7 @@
 import os
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from ..._runtime.atomic_files import check_replaceable
@@ -12,7 +12,7 @@ from ...pipeline import Settings
 from ...poses import Poses
 from ...recording import Recording
 from ._blueprint import blueprint
-from ._log import log_recording, shown_frames
+from ._log import check_shown, log_recording
 from ._rerun import rr
 
 _APPLICATION = "jaxskel"
@@ -21,7 +21,7 @@ _APPLICATION = "jaxskel"
 def save_view(
     path: str | Path,
     recording: Recording,
-    poses: Poses | None = None,
+    poses: Poses | Mapping[str, Poses] | None = None,
     settings: Settings | None = None,
     frames: slice = slice(None),
     on_frame: Callable[[int, int], None] | None = None,
@@ -35,7 +35,7 @@ def save_view(
         ValueError: Poses of another recording, or no frame to show.
     """
     path = Path(path)
-    shown_frames(recording, poses, frames)  # check before anything is written
+    check_shown(recording, poses, frames)
     check_replaceable(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     # rerun opens its file by name and extends it frame by frame; the final file only appears once it is complete.
@@ -54,7 +54,7 @@ def save_view(
 
 def show_view(
     recording: Recording,
-    poses: Poses | None = None,
+    poses: Poses | Mapping[str, Poses] | None = None,
     settings: Settings | None = None,
     frames: slice = slice(None),
     on_frame: Callable[[int, int], None] | None = None,
@@ -70,7 +70,7 @@ def show_view(
         ValueError: Poses of another recording, or no frame to show.
         OSError: There is no display.
     """
-    shown_frames(recording, poses, frames)
+    check_shown(recording, poses, frames)
     if not has_display():
         raise OSError("there is no display to show the view on; save it, and open the file where there is one")
     stream = rr.RecordingStream(_APPLICATION)

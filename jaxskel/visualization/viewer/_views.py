@@ -2,12 +2,12 @@
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Int, UInt8
 
-from ...body import SkeletonTemplate
 from ...cameras import Cameras, project
 from ...recording import unpack_silhouettes
-from .. import colours_of, draw_silhouette, drawn_bones
+from .. import draw_silhouette, drawn_bones
+from ._figures import Figure
 from ._rerun import rr
 
 LONG_SIDE = 640
@@ -54,19 +54,17 @@ def log_silhouettes(stream: rr.RecordingStream, cameras: Cameras, packed: UInt8[
         stream.log(f"{camera_path(name)}/silhouette", rr.EncodedImage(contents=contents, media_type="image/png"))
 
 
-def log_projections(
-    stream: rr.RecordingStream, cameras: Cameras, template: SkeletonTemplate, points: Float[np.ndarray, "points 3"]
-) -> None:
-    """Draw the bones of one frame (world, m) into every view, with lens distortion, where the view sees them."""
-    ends, colours = drawn_bones(template), colours_of(template)
-    u, v, _ = project(cameras, points)
+def log_projections(stream: rr.RecordingStream, cameras: Cameras, figure: Figure, frame: int) -> None:
+    """Draw the bones of one frame of the poses into every view, with lens distortion, where the view sees them."""
+    ends = drawn_bones(figure.poses.template)
+    u, v, _ = project(cameras, figure.points(frame))
     factors = np.array([display_size(size) / size for size in cameras.size])
     uv = (np.stack([u, v], -1) + 0.5) * factors[:, None]
     for name, seen in zip(cameras.names, uv, strict=True):
         bones = seen[ends]
         drawn = np.isfinite(bones).all((1, 2))
-        lines = rr.LineStrips2D(bones[drawn].astype(np.float32), colors=colours[ends[drawn, 0]], radii=_LINE)
-        stream.log(f"{camera_path(name)}/skeleton", lines)
+        lines = rr.LineStrips2D(bones[drawn].astype(np.float32), colors=figure.colours[ends[drawn, 0]], radii=_LINE)
+        stream.log(figure.under(f"{camera_path(name)}/skeleton"), lines)
 
 
 def display_size(size: Int[np.ndarray, "2"]) -> Int[np.ndarray, "2"]:
