@@ -31,7 +31,16 @@ _TOO_LITTLE = 0.25
 
 @dataclass
 class _Person:
-    """What is known of somebody: where they were last (voxels), how they move, and how large they are."""
+    """What is known of somebody: where they were last (voxels), how they move, and how large they are.
+
+    Attributes:
+        voxels: Where they were seen last.
+        velocity: Voxels per frame.
+        unseen: Number of frames since then.
+        tall: Largest height so far (voxels).
+        volume: Usual number of voxels.
+        alone: Their voxels when they were last a body of their own, moved on to where they are now.
+    """
 
     voxels: Voxels
     velocity: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
@@ -39,7 +48,6 @@ class _Person:
     tall: float = 0.0
     volume: float = 0.0
     alone: Float[np.ndarray, "_ 3"] = field(default_factory=lambda: np.zeros((0, 3)))
-    """Their voxels when they were last a body of their own, moved on to where they are now."""
 
     @property
     def ahead(self) -> Float[np.ndarray, "n 3"]:

@@ -157,6 +157,16 @@ def test_poses_of_people_come_back(tmp_path):
         read_poses(archive)
 
 
+def test_what_only_some_have_is_missing_for_the_others(tmp_path):
+    bare = replace(posed()["ben"], covariance=None, rotations=None, skeleton=None)
+    people = {"anna": posed()["anna"], "ben": bare, "nobody": moving(5, without=(0, 1, 2, 3, 4))}
+    found = read_people_poses(write_people_archive(tmp_path / "a.npz", people))
+    same(found["anna"], people["anna"])
+    assert (found["ben"].covariance, found["ben"].rotations, found["ben"].skeleton) == (None, None, None)
+    np.testing.assert_array_equal(found["ben"].joints, bare.joints)
+    same(found["nobody"], people["nobody"])
+
+
 def test_somebody_alone_is_written_as_ever(tmp_path):
     archive, table = write_people_poses(tmp_path, {"anna": posed()["anna"]})
     assert archive.read_bytes() == write_archive(tmp_path / "one.npz", posed()["anna"]).read_bytes()

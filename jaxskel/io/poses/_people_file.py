@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..._runtime.atomic_files import written_whole
-from ...poses import Poses
+from ...poses import WITH_POSE, Poses
 from ...recording import Truth
 from ..files import fault, keys_of, texts
 from ..recordings import people_in_file
@@ -28,6 +28,8 @@ _OF_EACH = (
     "joints", "tips", "confidence", "side_confidence", "status", "rotations", "rest_joints", "rest_tips", "sigma",
     "stature_sigma",
 )  # fmt: skip
+# Those that some people may not have: they are NaN there.
+_NOT_OF_ALL = ("rotations", "rest_joints", "rest_tips", "sigma", "stature_sigma")
 ONLY_PERSON = "person"
 """Name of the person in a file of one person."""
 
@@ -107,10 +109,15 @@ def read_people_poses(path: str | Path) -> dict[str, Poses]:
     found = {}
     for place, name in enumerate(names):
         each = {key: np.asarray(arrays[key][place]) for key in own}
-        # Only what is known of this person.
-        each = {key: array for key, array in each.items() if key != "stature_sigma" or np.isfinite(array).all()}
-        found[name] = poses_of(path, shared | each)
+        known = {key: array for key, array in each.items() if key not in _NOT_OF_ALL or _is_known(key, each)}
+        found[name] = poses_of(path, shared | known)
     return found
+
+
+def _is_known(key: str, arrays: dict[str, np.ndarray]) -> bool:
+    """Whether a person has one of `_NOT_OF_ALL`; without any pose, rotations and covariances are NaN all the same."""
+    without_pose = not np.isin(arrays["status"], WITH_POSE).any()
+    return bool(np.isfinite(arrays[key]).any()) or (without_pose and key in ("rotations", "sigma"))
 
 
 def read_people_truth(path: str | Path) -> dict[str, tuple[Truth, str, np.ndarray]]:
