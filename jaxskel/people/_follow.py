@@ -83,8 +83,7 @@ def follow(bodies: list[list[Voxels]], spacing: float, fps: float, most: int) ->
     counts = np.array([len(_people_among(frame, spacing)) for frame in bodies])
     if counts.max(initial=0) == 0:
         return [{} for _ in bodies]
-    wanted = min(int(counts.max()), most)
-    anchor = _middle_of_longest(counts >= wanted)
+    anchor = _anchor(counts, most, _NEW * fps)
     whereabouts: Whereabouts = [{} for _ in bodies]
     first = _people_among(bodies[anchor], spacing)[:most]
     names = 0
@@ -108,12 +107,18 @@ def _people_among(bodies: list[Voxels], spacing: float) -> list[Voxels]:
     return [voxels for voxels, size in zip(bodies, sizes, strict=True) if size >= max(_LEAST, _VOLUME_SHARE * sizes[0])]
 
 
-def _middle_of_longest(good: np.ndarray) -> int:
-    """Middle of the longest run of frames that are good."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(int), [0]])))
-    starts, ends = edges[::2], edges[1::2]
-    longest = int(np.argmax(ends - starts))
-    return int((starts[longest] + ends[longest] - 1) // 2)
+def _anchor(counts: Int[np.ndarray, " frames"], most: int, lasting: float) -> int:
+    """A frame in the middle of the longest time in which as many people as possible are apart.
+
+    More bodies for a shorter time than half of `lasting` (frames), or than a quarter of a short film, are ghosts.
+    """
+    for wanted in range(min(int(counts.max()), most), 0, -1):
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], (counts >= wanted).astype(int), [0]])))
+        starts, ends = edges[::2], edges[1::2]
+        longest = int(np.argmax(ends - starts))
+        if ends[longest] - starts[longest] >= min(lasting, len(counts) / 2) / 2:
+            return int((starts[longest] + ends[longest] - 1) // 2)
+    return int(np.argmax(counts))
 
 
 class _Crowd:

@@ -83,7 +83,19 @@ def test_python_of_the_templates_runs(tmp_path):
 
 
 def test_no_other_page_has_python():
-    assert {page for page, blocks in BLOCKS.items() if blocks} == {"README", "objectives", "cluster", "templates"}
+    assert {page for page, blocks in BLOCKS.items() if blocks} == {
+        "README", "objectives", "cluster", "templates", "people",
+    }  # fmt: skip
+
+
+def test_python_of_the_people_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run_blocks("people", names := {})
+    assert [poses.has_pose.sum() for poses in names["poses"].values()] == [4, 4]
+    assert list(names["apart"]) == ["person_1", "person_2"]
+    # The tables that the page shows are those that are read.
+    for text in re.findall(r"```toml\n(.*?)```", TEXTS["people"], re.S):
+        assert set(tomllib.loads(text)["people"]) == {"anna", "ben"}
 
 
 def test_keys_of_the_recording_are_those_that_are_read():

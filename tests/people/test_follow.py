@@ -67,8 +67,14 @@ def test_somebody_who_is_there_for_a_moment_is_nobody():
     """Ghosts come and go within a second."""
     frames = [[box(0, 0)] + ([box(50, 0)] if 10 < f < 20 else []) for f in range(60)]
     frames[3].append(box(0, 60))
-    assert present(follow(frames, SPACING, FPS, MOST)).tolist() in ([0], [0, 1])
-    assert len(present(follow([[box(0, 0)] for _ in range(60)], SPACING, FPS, MOST))) == 1
+    found = follow(frames, SPACING, FPS, MOST)
+    assert present(found).tolist() == [0]
+    assert all(len(frame) == 1 for frame in found)
+
+
+def test_somebody_who_comes_later_is_there_from_the_first_frame_on():
+    frames = [[box(0, 0)] + ([box(50, f)] if f >= 25 else []) for f in range(60)]
+    assert [len(frame) for frame in follow(frames, SPACING, FPS, MOST)] == [1] * 25 + [2] * 35
 
 
 def test_no_more_people_than_wanted():
