@@ -8,11 +8,10 @@ import typer
 from ..batch import Method
 from ..io.poses import tables_of, write_people_poses
 from ..io.recordings import holds_people, read_people
-from ..people import MOST_PEOPLE, everybody, hide_others, tell_people_apart
+from ..people import MOST_PEOPLE, hide_others, tell_people_apart
 from ..pipeline import Settings
 from ..poses import Poses, smooth
 from ..recording import Recording
-from ..verdict import doubts_before_work
 from ._outputs import check_output, files_of
 from ._progress import StageTimes, progress_bar, reconstruct_with_progress, summary
 from ._say import say, warn
@@ -76,14 +75,10 @@ def run_people(
 
 def _people_in(source: Path, method: Method, people: str | None) -> dict[str, Recording]:
     """The recording of each person, told apart by masks or by the bodies of the hull."""
+    # Whether views agree is judged around one person, so it is not judged here.
     if holds_people(source):
-        named = read_people(source)
-        for told in doubts_before_work(source, everybody(named), method.anyway):
-            warn(told)
-        return hide_others(named)
+        return hide_others(read_people(source))
     recording = method.read(source)
-    for told in doubts_before_work(source, recording, method.anyway):
-        warn(told)
     progress, task = progress_bar("telling people apart", len(recording))
     with progress:
         return tell_people_apart(

@@ -82,6 +82,7 @@ def test_scores_and_files_of_each(done, folder):
         (("room.npz", "--people", "2"), "--people: is for masks that show everybody; room.npz has masks of each"),
         (("room.npz", "--subject", "anna.toml"), "anna.toml: is one person, but there are several"),
         (("room.npz", "--data", "data.npz"), "--data: is of one person, but there are several"),
+        (("room.npz", "--anyway"), "--anyway: several people are not checked first; leave it out"),
     ],
 )
 def test_what_makes_no_sense_is_refused(arguments, message, folder):
