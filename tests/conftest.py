@@ -68,8 +68,11 @@ def no_silent_broadcasting():
 
 
 # Rooms and files whose programs are compiled for longer than they run.
-HARDLY_RUN = {"refinement", "body_calibration", "test_table.py", "test_soft_carve.py"}
-MUCH_RUN = {"test_sequence.py"}
+HARDLY_RUN = {
+    "_math", "body", "body_calibration", "cameras", "matching", "outlines", "refinement", "test_search_objective.py",
+    "test_soft_carve.py", "test_table.py",
+}  # fmt: skip
+MUCH_RUN = {"test_draw_adult.py", "test_sequence.py"}
 
 
 @pytest.fixture(autouse=True, scope="module")

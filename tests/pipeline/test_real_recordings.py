@@ -47,7 +47,7 @@ def test_four_cameras_of_pose2sim_from_the_published_calibration_to_joints(tmp_p
     assert 'camera = "cam_01"' in proposal.text
     assert proposal.text.count("calibrated_size = [1088, 1920]") == 2
     (tmp_path / "recording.toml").write_text(proposal.text)
-    recording = read_recording(tmp_path)[::20]
+    recording = read_recording(tmp_path)[::40]
     poses = reconstruct(recording, Settings())
     assert poses.has_pose.all()
     reference = read_trc(source / "Demo_filt_0-100.trc")
@@ -93,7 +93,7 @@ def test_a_seated_person_from_raw_videos_is_a_fat_hull_and_no_bold_pose(tmp_path
         assert agreement(seen, masks[frame]).coverage.min() > 0.97
     assert (abs(1e3 * hulls.volumes - 207) < 20).all()
     # A frame without a pose, because no body explains person and chair, has a confidence of zero.
-    assert reconstruct(recording, Settings()).confidence.mean() < 0.5
+    assert reconstruct(recording[:1], Settings()).confidence.mean() < 0.5
 
 
 @pytest.mark.parametrize("kind", ["png", "avi"])

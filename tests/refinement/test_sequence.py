@@ -224,10 +224,10 @@ def test_a_padded_sequence_is_refined_as_one_that_is_not(bones):
 def test_no_coupling_crosses_a_gap():
     observed = markers(0.02)
     follows = np.arange(FRAMES) != 7
-    solved = refine_sequence(smooth(0.1), BONES, sequence_solver(), ADULT, INITIAL, observed, 4, 16, follows)
+    solved = refine_sequence(smooth(0.1), BONES, sequence_solver(), ADULT, INITIAL, observed, 2, 16, follows)
     for place in (slice(7), slice(7, FRAMES)):
         part = jax.tree.map(lambda a, place=place: a[place], (INITIAL, observed))
-        alone = refine_sequence(smooth(0.1), BONES, sequence_solver(), ADULT, *part, 4, 16)
+        alone = refine_sequence(smooth(0.1), BONES, sequence_solver(), ADULT, *part, 2, 16)
         np.testing.assert_allclose(points(solved)[place][:, ENDS], points(alone)[:, ENDS], atol=1e-3)
     assert (np.asarray(solved.costs["smooth"])[[0, 6, 7, 11]] == 0).all()
 
