@@ -72,7 +72,7 @@ HARDLY_RUN = {
     "_math", "body", "body_calibration", "cameras", "matching", "outlines", "refinement", "test_search_objective.py",
     "test_soft_carve.py", "test_table.py",
 }  # fmt: skip
-MUCH_RUN = {"test_draw_adult.py", "test_sequence.py"}
+MUCH_RUN = {"test_draw_adult.py"}
 
 
 @pytest.fixture(autouse=True, scope="module")
