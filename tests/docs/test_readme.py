@@ -8,9 +8,9 @@ import tomllib
 from operator import attrgetter
 from pathlib import Path
 
-import jax
 import pytest
 import typer
+from support.optimisations import optimised
 
 import jaxskel
 from jaxskel.cli._app import app
@@ -31,13 +31,9 @@ every_page = pytest.mark.parametrize("page", PAGES)
 
 
 def run_blocks(page: str, names: dict) -> None:
-    try:
-        for block in BLOCKS[page]:
-            # A solve that runs once is compiled in half of the time without LLVM's optimisations.
-            jax.config.update("jax_disable_most_optimizations", "refine" in block)
+    for block in BLOCKS[page]:
+        with optimised("refine" not in block):  # each of these solves runs but once
             exec(block, names)
-    finally:
-        jax.config.update("jax_disable_most_optimizations", False)
 
 
 @pytest.fixture

@@ -114,16 +114,13 @@ PARAMETRISATIONS: dict[str, Parametrisation] = {
     "symmetric lengths": SymmetricLengths(),
     "symmetric lengths of hinged limbs": SymmetricLengths(rotations=HingedLimbs()),
 }
-# Each parametrisation and each solver at least once, because each pair is compiled by itself.
-SOLVES = {
-    "default": ("exact bones", default_solver()),
-    "default, hinges": ("hinged limbs", default_solver()),
-    "default, rounds": ("augmented Lagrangian", default_solver()),
-    "LevenbergMarquardt": ("soft bones", optx.LevenbergMarquardt(1e-3, 1e-4)),
-    "LevenbergMarquardt, QR": ("exact bones", optx.LevenbergMarquardt(1e-3, 1e-4, linear_solver=lx.QR())),
-    "GaussNewton": ("symmetric lengths", optx.GaussNewton(1e-3, 1e-4)),
-    "Dogleg": ("symmetric lengths of hinged limbs", optx.Dogleg(1e-3, 1e-4)),
-    "BFGS": ("exact bones", optx.BFGS(1e-7, 1e-7)),
+SOLVERS = {
+    "default": default_solver(),
+    "LevenbergMarquardt": optx.LevenbergMarquardt(1e-3, 1e-4),
+    "LevenbergMarquardt, QR": optx.LevenbergMarquardt(1e-3, 1e-4, linear_solver=lx.QR()),
+    "GaussNewton": optx.GaussNewton(1e-3, 1e-4),
+    "Dogleg": optx.Dogleg(1e-3, 1e-4),
+    "BFGS": optx.BFGS(1e-7, 1e-7),
 }
 
 
@@ -152,7 +149,6 @@ def test_the_table_has_all_terms_and_parametrisations():
     assert {type(row[0]) for row in TERMS.values()} >= parts(terms, AbstractTerm)
     found = parts(parametrisations, eqx.Module)
     assert {type(row) for row in PARAMETRISATIONS.values()} == found
-    assert {written for written, _ in SOLVES.values()} == set(PARAMETRISATIONS)
 
 
 @pytest.mark.parametrize("name", TERMS)
@@ -242,10 +238,9 @@ def assert_recovered(result, before, after, bound=2e-3):
     assert np.asarray(result.converged)[whole].all()
 
 
-@pytest.mark.parametrize("name", SOLVES)
-def test_a_solve_recovers_a_perturbed_pose(observed, name):
-    written, solver = SOLVES[name]
-    result, before, after = solved(PARAMETRISATIONS[written], solver, observed)
+@pytest.mark.parametrize("name", PARAMETRISATIONS)
+def test_a_solve_recovers_a_perturbed_pose_however_it_is_written(observed, name):
+    result, before, after = solved(PARAMETRISATIONS[name], default_solver(), observed)
     assert_recovered(result, before, after)
     joints = np.asarray(result.joints)[:-1]
     lengths = np.linalg.norm(joints[:, 1:] - joints[:, list(JOINT_PARENTS[1:])], axis=-1)
@@ -253,6 +248,11 @@ def test_a_solve_recovers_a_perturbed_pose(observed, name):
         np.diff(points_of(TRUTH)[np.array([JOINT_PARENTS[1:], range(1, 15)])], axis=0)[0], axis=-1
     )
     np.testing.assert_allclose(lengths, np.tile(expected, (len(lengths), 1)), atol=1e-3)
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_a_solve_recovers_a_perturbed_pose_by_any_solver(observed, name):
+    assert_recovered(*solved(ExactBones(), SOLVERS[name], observed))
 
 
 @pytest.mark.parametrize("name", TERMS)

@@ -7,6 +7,7 @@ import lineax as lx
 import numpy as np
 import optimistix as optx
 import pytest
+from support.optimisations import optimised
 from support.phantoms import ideal_graph, pose_of
 
 from jaxskel import default_adult, refine_frames, refine_sequence
@@ -135,11 +136,8 @@ def test_any_matrix_free_solver_comes_to_the_same_cost():
     observed = markers(0.02)
     free = optx.LevenbergMarquardt(1e-3, 1e-4, linear_solver=lx.Normal(lx.CG(1e-3, 1e-3, max_steps=5000)))
     by_band = refined(smooth(0.1), observed)
-    jax.config.update("jax_disable_most_optimizations", False)  # this solver runs for longer than it is compiled
-    try:
+    with optimised():  # this solver runs for longer than it is compiled
         by_gradients = refined(smooth(0.1), observed, solver=free)
-    finally:
-        jax.config.update("jax_disable_most_optimizations", True)
     results = by_band, by_gradients
     banded, other = ({name: float(cost.sum()) for name, cost in result.costs.items()} for result in results)
     for name in ("nodes", "smooth"):
