@@ -12,7 +12,7 @@ from jaxskel._runtime.batching import single_precision
 from jaxskel.refinement import refine_frame
 from jaxskel.refinement.parametrisations import ExactBones
 from jaxskel.refinement.solvers import NormalEquationsLM
-from jaxskel.refinement.terms import EndNodeAttraction, Objective, RestPrior, paper_objective
+from jaxskel.refinement.terms import paper_objective
 
 pytestmark = pytest.mark.slow
 
@@ -53,7 +53,7 @@ def test_a_solve_that_has_not_converged_has_no_gradient():
     observed, start, adult = single_precision((ideal_graph(ADULT, pose), pose_of(4, 0.3), ADULT))
 
     def away(weight):
-        objective = Objective({"ends": EndNodeAttraction(), "rest": RestPrior(weight=weight)})
+        objective = paper_objective().weighted(rest=weight)
         found = refine_frame(objective, BONES, NormalEquationsLM(rtol=1e-9, atol=1e-9), adult, start, observed, 1, 2)
         return (found.joints**2).sum(), found.converged
 
