@@ -9,8 +9,8 @@ from pathlib import Path
 # At LLVM's first level of optimisation, tracing and compiling take a sixth less time than at the second, and programs
 # run as fast. JAX reads this when it makes its backend; processes that tests start inherit it.
 os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=1")
-# Each core has a process of its own already: threads of NumPy's solvers would wait for each other, busily. The processes
-# that run tests inherit this, as it is read when NumPy is loaded.
+# Each core has a process of its own already: threads of NumPy's solvers would wait for each other, busily. This is read
+# when NumPy is loaded; the processes that run tests inherit it.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import jax
