@@ -9,9 +9,13 @@ from pathlib import Path
 # At LLVM's first level of optimisation, tracing and compiling take a sixth less time than at the second, and programs
 # run as fast. JAX reads this when it makes its backend; processes that tests start inherit it.
 os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=1")
+# Each core has a process of its own already: threads of NumPy's solvers would wait for each other, busily. This is read
+# when NumPy is loaded; the processes that run tests inherit it.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import jax
 import pytest
+from support.optimisations import optimised
 
 from jaxskel._runtime.compile_cache import CachedJit
 
@@ -47,11 +51,12 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 # Files that take longest: begun last, one of them would keep a single process busy at the end.
 LONGEST = (
-    "test_real_recordings.py", "test_slurm.py", "test_batch.py", "test_calibrate_body.py", "test_sequence.py",
-    "test_cli.py", "test_refine_cameras.py", "test_stream.py", "test_fisheye_pipeline.py", "test_shared.py",
-    "test_found_subject.py", "test_readme.py", "test_search_objective.py", "test_run_volumes.py", "test_table.py",
-    "test_benchmark_scripts.py", "test_pipeline.py", "test_statuses.py", "test_stored.py", "test_learn.py",
-    "test_volume.py", "test_gradients.py", "test_warm_up.py",
+    "test_real_recordings.py", "test_slurm.py", "test_stream.py", "test_table.py", "test_sequence.py", "test_readme.py",
+    "test_pipeline.py", "test_batch.py", "test_cli.py", "test_fisheye_pipeline.py", "test_refine_cameras.py",
+    "test_shared.py", "test_fuzz.py", "test_calibrate_body.py", "test_found_subject.py", "test_search_objective.py",
+    "test_coupled_batches.py", "test_benchmark_scripts.py", "test_run_volumes.py", "test_statuses.py",
+    "test_cli_recordings.py", "test_gradients.py", "test_run_objective.py", "test_run_template.py", "test_bundle.py",
+    "test_volume.py", "test_soft_carve.py", "test_learn.py", "test_stored.py", "test_warm_up.py",
 )  # fmt: skip
 
 
@@ -68,17 +73,19 @@ def no_silent_broadcasting():
 
 
 # Rooms and files whose programs are compiled for longer than they run.
-HARDLY_RUN = {"refinement", "body_calibration", "test_table.py", "test_soft_carve.py"}
-MUCH_RUN = {"test_sequence.py"}
+HARDLY_RUN = {
+    "_math", "body", "body_calibration", "cameras", "matching", "outlines", "refinement", "test_search_objective.py",
+    "test_fisheye_pipeline.py", "test_soft_carve.py", "test_table.py",
+}  # fmt: skip
+MUCH_RUN = {"test_draw_adult.py"}
 
 
 @pytest.fixture(autouse=True, scope="module")
 def compiled_only_to_run_once(request: pytest.FixtureRequest):
-    """Without LLVM's optimisations a solve is compiled in half of the time, but runs six times as long."""
+    """Such programs are compiled without optimisations, which would take longer than they save."""
     hardly = bool(HARDLY_RUN & set(request.path.parts)) and request.path.name not in MUCH_RUN
-    jax.config.update("jax_disable_most_optimizations", hardly)
-    yield
-    jax.config.update("jax_disable_most_optimizations", False)
+    with optimised(not hardly):
+        yield
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -149,7 +149,8 @@ def bundle_adjust(
 def bundle_ahead(threads: Executor, template: Skeleton, poses: Pose, observed: Observed) -> None:
     """Begin to compile what `bundle_adjust` needs for arguments like these."""
     template, shape = single_precision((template, Shape.of(np.zeros(len(QUANTITIES)))))
-    linearised.ahead(threads, template, shape, poses, observed, None, SCALE, _CONTOURS)
+    used = np.ones(len(poses.root), bool)
+    linearised.ahead(threads, template, shape, poses, observed, used, None, SCALE, _CONTOURS)
     _turned.ahead(threads, template, shape, poses, np.zeros((len(poses.root), _POSE), np.float32))
 
 
@@ -164,13 +165,14 @@ def _step(
     weight: np.float32,
 ) -> tuple[Adjusted, float]:
     start = single_precision(before.shape)
-    linear = linearised(template, start, before.poses, observed, joints, scale, weight)
-    linear = jax.tree.map(lambda a: np.asarray(a, np.float64), linear)
+    used = np.isin(np.arange(len(before.poses.root)), frames)
+    linear = linearised(template, start, before.poses, observed, used, joints, scale, weight)
+    linear = jax.tree.map(lambda a: np.asarray(a)[frames].astype(np.float64), linear)
     vector, count = before.shape.vector, len(before.shape.vector)
     matrix, pull = np.zeros((count, count)), np.zeros(count)
     solved = []
-    for frame in frames:
-        inner, gradient = normal_equations(jax.tree.map(lambda a, f=frame: a[f], linear))
+    for row in range(len(frames)):
+        inner, gradient = normal_equations(jax.tree.map(lambda a, i=row: a[i], linear))
         own = inner[:_POSE, :_POSE]
         own = own + np.diag(DAMPING + RELATIVE_DAMPING * np.diagonal(own))
         both = np.linalg.solve(own, np.column_stack([inner[:_POSE, _POSE:], gradient[:_POSE]]))
@@ -194,7 +196,7 @@ def _step(
     covariance = np.linalg.inv(matrix / _ALIKE + prior.precision)[of_lengths, of_lengths]
     # The tips' lengths are ignored here: they affect little else, and converge last.
     after = Adjusted(Shape.of(vector + change), poses, covariance, float(np.abs(change[:8]).max()), before.clothes)
-    return after, float(np.median(linear.apart[frames]))
+    return after, float(np.median(linear.apart))
 
 
 def normal_equations(
@@ -213,20 +215,27 @@ def linearised(
     shape: Shape,
     poses: Pose,
     stack: Observed,
+    used: Bool[Array | np.ndarray, " frames"],
     joints: Float[Array, "stack joints 3"] | None = None,
     scale: Float[Array, ""] | np.float32 = SCALE,
     weight: Float[Array, ""] | np.float32 = _CONTOURS,
 ) -> Linear:
-    """Linearise the frames of a stack that have poses, one by one; known joints add residuals.
+    """Linearise the frames of a stack that are used, one by one; known joints add residuals. The others are zeros.
 
     Scale and weight are those of the contours.
     """
 
-    def one(given: tuple[Pose, Int[Array, ""], Float[Array, "joints 3"] | None]) -> Linear:
-        pose, frame, known = given
+    @jax.jit  # so that its shapes and its code come from one trace
+    def of(pose: Pose, frame: Int[Array, ""], known: Float[Array, "joints 3"] | None) -> Linear:
         return _linearised(template, shape, pose, stack.of(frame), known, scale, weight)
 
-    return jax.lax.map(one, (poses, jnp.arange(len(poses.root), dtype=jnp.int32), joints))
+    def one(given: tuple[tuple[Pose, Int[Array, ""], Float[Array, "joints 3"] | None], Bool[Array, ""]]) -> Linear:
+        frame, wanted = given
+        shapes = jax.eval_shape(of, *frame)
+        nothing = jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), shapes)
+        return jax.lax.cond(wanted, lambda: of(*frame), lambda: nothing)
+
+    return jax.lax.map(one, ((poses, jnp.arange(len(poses.root), dtype=jnp.int32), joints), jnp.asarray(used)))
 
 
 def _linearised(

@@ -3,6 +3,7 @@
 import json
 import sys
 from collections.abc import Callable
+from functools import partial
 
 import _runs
 import accuracy
@@ -14,11 +15,17 @@ from _condition import Condition
 from support.benchmark_runs import benchmark
 from support.measured_runs import run_of_truth
 
-from jaxskel import Recording, Settings, paper_settings
+from jaxskel import Recording, Settings, paper_settings, prepare
 from jaxskel.io.recordings import write_recording
 from jaxskel.synthetic import camera_ring, make_scene
 
 pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(autouse=True)
+def no_body_is_looked_for(monkeypatch):
+    """An average adult will do for scripts that only have to run."""
+    monkeypatch.setattr(_runs, "prepare", partial(prepare, calibrate=False))
 
 
 @pytest.fixture(scope="module")

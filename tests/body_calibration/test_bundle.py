@@ -104,7 +104,8 @@ def test_quadrics_have_the_slope_of_finite_differences(scene, kind):
 def test_balls_move_with_the_unknowns_as_finite_differences_say(scene):
     shape = single_precision(Shape.of(0.05 * np.random.default_rng(1).normal(size=len(QUANTITIES))))
     poses = take(scene.truth, np.array([3]))
-    linear = linearised(single_precision(ADULT), shape, single_precision(poses), on_device(scene.observed))
+    used = np.ones(1, bool)
+    linear = linearised(single_precision(ADULT), shape, single_precision(poses), on_device(scene.observed), used)
     direction = np.random.default_rng(2).normal(size=42 + len(QUANTITIES))
     with jax.enable_x64(True):
         pose = jax.tree.map(lambda a: jnp.asarray(a[0], jnp.float64), poses)

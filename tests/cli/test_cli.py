@@ -88,12 +88,12 @@ def test_check_draws_every_view(folder):
 
 @pytest.mark.slow
 def test_demo_does_the_whole_job(tmp_path):
-    done = jaxskel("demo", "-o", "demo", "--frames", "8", cwd=tmp_path)
+    done = jaxskel("demo", "-o", "demo", "--frames", "4", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     written = {path.name for path in (tmp_path / "demo").iterdir()}
     wanted = {"scene.npz", "poses.npz", "poses.csv", "score.json", "score.png", "views.png", "stages.png"}
     assert written == wanted
-    assert "8 frames, 8 with a pose" in done.stdout
+    assert "4 frames, 4 with a pose" in done.stdout
     assert read_poses(tmp_path / "demo" / "poses.npz").has_pose.all()
     assert json.loads((tmp_path / "demo" / "score.json").read_text())["sides_counted"]["median_mm"] < 15
 

@@ -6,7 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jaxskel import Poses, Recording, paper_settings, prepare, reconstruct, unpack_silhouettes
+from jaxskel import (
+    Poses,
+    Recording,
+    join_poses,
+    paper_settings,
+    prepare,
+    reconstruct_batches,
+    unpack_silhouettes,
+)
 from jaxskel.io.recordings import read_recording, write_recording
 from jaxskel.recording import AbstractSilhouettes, silhouette_areas
 from jaxskel.synthetic import make_scene
@@ -47,20 +55,26 @@ def test_only_what_is_asked_for_is_read(path: Path, scene: Recording):
     np.testing.assert_array_equal(silhouette_areas(stored), silhouette_areas(scene.silhouettes))
 
 
-@pytest.fixture(scope="module")
-def poses(scene: Recording) -> Poses:
-    """Of the recording in memory."""
-    return reconstruct(scene, paper_settings())
-
-
-def test_poses_are_the_same(path: Path, scene: Recording, poses: Poses):
+def made_of(recording: Recording) -> tuple[Poses, int]:
+    """Poses, and how many views may miss a voxel."""
     settings = paper_settings()
-    stored = read_recording(path, in_memory=0)
+    prepared = prepare(recording, settings)
+    return join_poses(reconstruct_batches(recording, settings, prepared)), prepared.max_misses
+
+
+@pytest.fixture(scope="module")
+def wanted(scene: Recording) -> tuple[Poses, int]:
+    """Of the recording in memory."""
+    return made_of(scene)
+
+
+def test_poses_are_the_same(path: Path, scene: Recording, wanted: tuple[Poses, int]):
     whole = read_recording(path)
     assert isinstance(whole.silhouettes, np.ndarray)
     np.testing.assert_array_equal(whole.silhouettes, scene.silhouettes)
-    assert prepare(stored, settings).max_misses == prepare(whole, settings).max_misses
-    np.testing.assert_array_equal(reconstruct(stored, settings).joints, poses.joints)
+    poses, max_misses = made_of(read_recording(path, in_memory=0))
+    assert max_misses == wanted[1]
+    np.testing.assert_array_equal(poses.joints, wanted[0].joints)
 
 
 def test_damage_is_told_when_it_is_met(path: Path):

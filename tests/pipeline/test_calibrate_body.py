@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from population import measured
 from support.people import ADULT, film_person, other_person
-from support.shared_data import SEQUENCE, needs
+from support.shared_data import SEQUENCE, eight_views, needs
 
 from jaxskel import (
     HullSettings,
@@ -119,7 +119,7 @@ def test_settings_without_a_search_are_refused(filmed):
 
 @needs(SEQUENCE)
 def test_a_realistic_body_from_a_template_that_is_too_tall():
-    recording = read_recording(SEQUENCE)[::5]
+    recording = eight_views(read_recording(SEQUENCE)[::5])
     true = recording.skeleton
     assert true is not None
     found = calibrate_body(recording, skeleton=default_adult(1.08 * true.stature), frames=8)

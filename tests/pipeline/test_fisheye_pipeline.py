@@ -12,6 +12,7 @@ from jax.test_util import check_grads
 from support.checkerboards import BOARD, lenses, off, pictures
 from support.checkerboards import rig as board_rig
 from support.fisheyes import FISHEYES, by_opencv, fisheye_camera, mixed_ring
+from support.optimisations import optimised
 from support.perturbed_rigs import body, perturbed
 from support.phantoms import film
 from support.recordings import with_known_body
@@ -144,7 +145,8 @@ def test_a_wrong_rig_comes_back(cameras):
     four = cameras[[0, 1, 2, 3]]
     seen = Recording(four, film(four, bodies), 25.0, "+Z", np.arange(10))
     wrong = perturbed_with_lenses(four, 7)
-    refined = refine_cameras(replace(seen, cameras=wrong))
+    with optimised():
+        refined = refine_cameras(replace(seen, cameras=wrong))
     before, after = (np.degrees(compare_rigs(rig, four).angles) for rig in (wrong, refined.cameras))
     assert before.max() > 0.4
     assert after.max() < 0.25
@@ -208,7 +210,8 @@ def near_ring(lens: list[float] | None) -> Cameras:
 
 def test_poses_are_as_good_as_those_of_ordinary_lenses():
     scene = make_scene(8, fps=8 / 12, cameras=near_ring(FISHEYES["strong"]))
-    poses = reconstruct(scene, with_known_body(scene))
+    with optimised():
+        poses = reconstruct(scene, with_known_body(scene))
     assert poses.has_pose.all()
     assert scene.truth is not None
     away = 1e3 * np.linalg.norm(poses.joints - scene.truth.joints, axis=-1)

@@ -47,7 +47,7 @@ def test_four_cameras_of_pose2sim_from_the_published_calibration_to_joints(tmp_p
     assert 'camera = "cam_01"' in proposal.text
     assert proposal.text.count("calibrated_size = [1088, 1920]") == 2
     (tmp_path / "recording.toml").write_text(proposal.text)
-    recording = read_recording(tmp_path)[::20]
+    recording = read_recording(tmp_path)[::40]
     poses = reconstruct(recording, Settings())
     assert poses.has_pose.all()
     reference = read_trc(source / "Demo_filt_0-100.trc")

@@ -137,8 +137,8 @@ def test_somebody_else_who_comes_is_found_too(scene):
 
 def test_masks_of_any_kind_are_the_same(scene):
     width = int(scene.cameras.size[0, 0])
-    masks = unpack_silhouettes(scene.silhouettes[:2], width)
-    packed = streamed(scene, PAPER, scene.silhouettes[:2])
+    masks = unpack_silhouettes(scene.silhouettes[:1], width)
+    packed = streamed(scene, PAPER, scene.silhouettes[:1])
     for same in (masks, masks.astype(np.uint8), 255 * masks.astype(np.uint8)):
         np.testing.assert_array_equal(streamed(scene, PAPER, same).joints, packed.joints)
 
