@@ -10,7 +10,7 @@ from multiprocessing import get_context, resource_tracker
 from multiprocessing.connection import Connection
 from typing import Any
 
-from .cores import take_core
+from .cores import one_solver_thread, take_core
 
 # Longest wait for a killed process to end (s). One that does not end hangs on a disk that is gone.
 _TO_END = 10.0
@@ -117,6 +117,7 @@ def signals_ignored() -> Iterator[None]:
 
 def _work(core: int, work: bytes, pipe: Connection, alive: Connection) -> None:
     threading.Thread(target=_end_with, args=(alive,), daemon=True).start()
+    one_solver_thread()
     take_core(core)  # before JAX, which the next line imports, counts the cores
     call: Callable[[Any, Callable[[Any], None]], None] = pickle.loads(work)
     while True:

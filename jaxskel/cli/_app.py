@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from .._runtime.cores import one_solver_thread
 from .._runtime.kept_programs import keep_compiled
 from ._batch import batch
 from ._calibrate_body import calibrate_body
@@ -73,6 +74,7 @@ def main() -> None:
     # Tracing makes millions of objects that live on, and by default the collector looks through them again and again:
     # before the first pose of `run` 46.3 s passed so where nothing was compiled yet, and 42.3 s pass now (two cores).
     gc.set_threshold(100_000, 20, 10)
+    one_solver_thread()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # escape characters that the terminal cannot show
