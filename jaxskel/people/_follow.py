@@ -71,7 +71,9 @@ Whereabouts = list[dict[int, Voxels]]
 """The voxels of each person, by number, in every frame in which they are seen."""
 
 
-def follow(bodies: list[list[Voxels]], spacing: float, fps: float, most: int) -> Whereabouts:
+def follow(
+    bodies: list[list[Voxels]], spacing: float, fps: float, most: int, all_are_there: bool = False
+) -> Whereabouts:
     """Follow people through all frames, forwards and backwards from one in which as many as possible are apart.
 
     Args:
@@ -79,11 +81,12 @@ def follow(bodies: list[list[Voxels]], spacing: float, fps: float, most: int) ->
         spacing: Edge of a voxel (m).
         fps: Frames per second.
         most: Largest number of people.
+        all_are_there: Whether there are so many, be they apart for a moment only.
     """
     counts = np.array([len(_people_among(frame, spacing)) for frame in bodies])
     if counts.max(initial=0) == 0:
         return [{} for _ in bodies]
-    anchor = _anchor(counts, most, _NEW * fps)
+    anchor = _anchor(counts, most, 1.0 if all_are_there else _NEW * fps)
     whereabouts: Whereabouts = [{} for _ in bodies]
     first = _people_among(bodies[anchor], spacing)[:most]
     names = 0

@@ -35,7 +35,7 @@ def tell_people_apart(
 
     Args:
         recording: Silhouettes of everybody.
-        people: Largest number of people; by default as many as there are, eight at most.
+        people: Number of people; by default as many as are apart for half a second or longer, eight at most.
         on_frames: Called with the number of frames in which bodies were looked for, to show progress.
 
     Returns:
@@ -53,7 +53,8 @@ def tell_people_apart(
     room = make_room(recording)
     if room.table is None:
         return {}
-    whereabouts = follow(bodies_of_frames(recording, room, on_frames), SPACING, recording.fps, most)
+    bodies = bodies_of_frames(recording, room, on_frames)
+    whereabouts = follow(bodies, SPACING, recording.fps, most, people is not None)
     numbers = present(whereabouts)
     divided = _Divided(recording.silhouettes, room, whereabouts, numbers)
     return {

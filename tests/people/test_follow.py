@@ -45,6 +45,13 @@ def test_two_who_touch_are_one_body_and_stay_two_people():
     assert (signs == signs[0]).all()
 
 
+def test_two_who_are_apart_for_a_moment_only():
+    """Without being told that there are two, nobody can know that the second is no ghost."""
+    frames = [[box(0, 0), box(11 - f, 0)] if f < 3 else [joined(box(0, 0), box(8, 0))] for f in range(60)]
+    assert [len(frame) for frame in follow(frames, SPACING, FPS, MOST)][10:] == [1] * 50
+    assert [len(frame) for frame in follow(frames, SPACING, FPS, 2, all_are_there=True)] == [2] * 60
+
+
 def test_no_voxel_belongs_to_two_people():
     frames = [[joined(box(0, 0), box(7, 0))] if 5 < f < 15 else [box(0, 0), box(14, 0)] for f in range(20)]
     for frame, bodies in zip(follow(frames, SPACING, FPS, MOST), frames, strict=True):
