@@ -16,6 +16,8 @@ _SHARES = {
     "foot": 0.18,
 }  # fmt: skip
 _UNSEEN, _POWER = 0.05, 6
+# Largest deviation (m): a joint that nothing shows is nevertheless a part of a body that something shows.
+_FARTHEST = 1.0
 # In units of `volume_objective`: excess over the best cost that divides a rival's weight by e, and excess of the best
 # cost over the threshold that doubles the deviations.
 _RIVAL_COST, _EXCESS_COST = 0.7, 5.0
@@ -69,6 +71,7 @@ def searched_uncertainty(
     doublings += _DOUBLINGS_BEYOND * max(np.log2(cost_threshold / _NO_BODY), 0.0)
     doublings += _UNEXPLAINED * (1 - trust_in_explained(unexplained))
     wider = loose * _SHARE_OF_JOINT * (1 + (raw / _UNSEEN) ** _POWER) * 2 ** doublings[:, None]
+    wider = np.minimum(wider, _FARTHEST / np.maximum(raw, 1e-9))
     own = covariance * (wider**2)[..., None, None]
     weight = np.exp(-np.clip(cost - cost[:, :1], -50.0, None) / (_RIVAL_COST * loose**2))
     weight = (weight / weight.sum(1, keepdims=True))[..., None]

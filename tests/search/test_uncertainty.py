@@ -76,6 +76,16 @@ def test_a_limb_that_hardly_any_outline_touches_is_not_sure():
     assert trust[2] < 0.2
 
 
+def test_what_nothing_shows_is_within_a_metre():
+    """Without a bound, deviations went to kilometres, which no reader of the files takes for metres."""
+    for deviation in (0.3, 1.0, 30.0):
+        wide = np.tile(deviation**2 * np.eye(3), (1, 15, 1, 1))
+        found = uncertainty(hypotheses(False), 300.0, 300.0, covariance=wide)
+        spread = np.sqrt(np.trace(found.covariance, axis1=-2, axis2=-1) / 3)
+        np.testing.assert_allclose(spread[0], 1.0, atol=0.01)
+        assert found.confidence.max() < 0.02
+
+
 def test_what_the_subject_does_not_explain_makes_unsure():
     trust = [uncertainty(hypotheses(False), 5.0, 5.0, unexplained=share).confidence[0, 5] for share in (0.1, 0.3, 0.4)]
     assert trust[0] > 0.99
