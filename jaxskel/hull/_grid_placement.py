@@ -10,7 +10,6 @@ from ._connected_bodies import bodies_among
 from ._grid import VoxelGrid, make_grid
 from ._others import without_others
 from ._projection_table import projection_table
-from ._visual_hulls import VisualHulls
 
 _COARSE = 3  # edge of a coarse voxel, in fine voxels
 _COARSEST = 0.045  # largest edge of a coarse voxel (m): hands and forearms fall between centres farther apart
@@ -66,7 +65,6 @@ def place_grid(
     hulls = carve(possible, table, empty_views, max_misses)
     if others is not None:
         hulls = without_others(hulls, table, silhouettes, others)
-        hulls = VisualHulls(hulls.voxels[hulls.inside.any(0)], hulls.inside[:, hulls.inside.any(0)], coarse)
     bodies = bodies_among(hulls.voxels, coarse)
     voxels = hulls.voxels[bodies.sizes[bodies.voxels_of(0)] * coarse.spacing**3 >= _LEAST_VOLUME]
     if len(voxels) == 0:

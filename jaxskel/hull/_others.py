@@ -35,7 +35,8 @@ def without_others(
         foreign = others > own
         if foreign.mean() <= _MOST:
             inside[frame, voxels[foreign]] = False
-    return VisualHulls(hulls.voxels, inside, hulls.grid)
+    left = inside.any(0)
+    return VisualHulls(hulls.voxels[left], inside[:, left], hulls.grid)
 
 
 def _votes(pixels: np.ndarray, packed: UInt8[np.ndarray, "cams h w8"], unseen: int) -> np.ndarray:

@@ -54,7 +54,7 @@ def stand_close(skeletons: Sequence[Skeleton], frames: int, fps: float, gap: flo
 
 def handshake(skeletons: Sequence[Skeleton], frames: int, fps: float) -> list[Pose]:
     """Two people come near, shake hands in the middle of the film, and step back."""
-    near = _nearness(frames, fps)
+    near = _nearness(frames)
     shaking = 6 * np.sin(2 * np.pi * 2.0 * np.arange(frames) / fps) * near
     angles = _blended(_STANDING, _HAND_OUT, near)
     angles["r_elbow"] = angles["r_elbow"] + shaking
@@ -65,7 +65,7 @@ def handshake(skeletons: Sequence[Skeleton], frames: int, fps: float) -> list[Po
 
 def hug(skeletons: Sequence[Skeleton], frames: int, fps: float) -> list[Pose]:
     """Two people come near, hug in the middle of the film, and step back."""
-    near = _nearness(frames, fps)
+    near = _nearness(frames)
     return _face_to_face(skeletons, _blended(_STANDING, _ARMS_AROUND, near), near, _HUG, _ASIDE)
 
 
@@ -82,10 +82,10 @@ def _face_to_face(
     ]
 
 
-def _nearness(frames: int, fps: float) -> Float[np.ndarray, " frames"]:
+def _nearness(frames: int) -> Float[np.ndarray, " frames"]:
     """How near two people are, from 0 to 1: for the middle third of the film as near as they come."""
-    share = np.abs(np.linspace(-1, 1, frames))
-    return np.clip((1 - share) / (2 / 3), 0, 1) ** 2 * (3 - 2 * np.clip((1 - share) / (2 / 3), 0, 1))
+    share = np.clip((1 - np.abs(np.linspace(-1, 1, frames))) / (2 / 3), 0, 1)
+    return share**2 * (3 - 2 * share)
 
 
 def _blended(start: dict[str, int], end: dict[str, int], share: np.ndarray) -> dict[str, np.ndarray]:
