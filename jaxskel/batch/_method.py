@@ -7,8 +7,9 @@ from typing import Any, TypeVar
 
 import equinox as eqx
 
-from ..io.recordings import read_recording, read_volumes
+from ..io.recordings import read_people, read_recording, read_volumes
 from ..io.subjects import read_body, read_subject
+from ..people import hide_others
 from ..pipeline import Settings
 from ..recording import Recording
 from ..volumes import Volumes
@@ -32,9 +33,18 @@ class Method:
     subject: Path | None = None
     anyway: bool = False
 
-    def read(self, source: Path, up: str | None = None) -> Recording:
-        """Read a recording, with the subject if one is given; `up` as for `read_recording`."""
-        return self._completed(source, read_recording(source, up=up))
+    def read(self, source: Path, up: str | None = None, person: str | None = None) -> Recording:
+        """Read a recording, with the subject if one is given; `up` as for `read_recording`.
+
+        With the name of a `person`, of several who have masks of their own, it is theirs.
+        """
+        if person is None:
+            return self._completed(source, read_recording(source, up=up))
+        if self.subject is not None:
+            raise ValueError(
+                f"{source}: has several people, but --subject {self.subject} is one; name it in recording.toml"
+            )
+        return self._completed(source, hide_others(read_people(source))[person])
 
     def read_volumes(self, source: Path, up: str | None = None) -> Volumes:
         """Read volumes, with the subject if one is given; `up` as for `read_volumes`."""

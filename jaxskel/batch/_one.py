@@ -55,7 +55,7 @@ def reconstruct_one(
     """Reconstruct a recording, or resume it, and put the result into its folder.
 
     Args:
-        source: The recording.
+        source: The recording, or one of the people in it.
         output: Folder of the results.
         method: How to reconstruct.
         request: Name of a request to compute existing results again; empty: they are kept.
@@ -137,7 +137,7 @@ def _reconstructed(
     seconds: dict[str, float] = {}
     on_sign("reading it")
     with _timed(seconds, "read"):
-        recording = method.read(source.path)
+        recording = method.read(source.path, person=source.person)
     if isinstance(recording.silhouettes, AbstractSilhouettes):
         watched = Watched(recording.silhouettes, lambda: on_sign("reading its silhouettes"))
         recording = eqx.tree_at(lambda r: r.silhouettes, recording, watched)

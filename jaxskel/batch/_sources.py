@@ -2,11 +2,11 @@
 
 import os
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
 from ..io.files import fault, read_bounded
-from ..io.recordings import RECORDING_FILE
+from ..io.recordings import RECORDING_FILE, names_of_people
 from ._names import check_name
 from ._search import is_pattern, is_recording, matches, recordings_below
 
@@ -15,17 +15,20 @@ _LONGEST_LIST = 100_000_000  # bytes: a million long paths
 
 @dataclass(frozen=True)
 class Source:
-    """A recording of a batch.
+    """A recording of a batch, or one of the people in it.
 
     Attributes:
-        name: Name of its result's folder, unique in the batch; with ``/`` for recordings found in subfolders.
+        name: Name of its result's folder, unique in the batch; with ``/`` for recordings found in subfolders, and
+            before the name of a person.
         path: The sequence file, or the recording's folder.
         listed_in: The list file that names it, if any.
+        person: The one of several people, who have masks of their own, that it is; None if there is one.
     """
 
     name: str
     path: Path
     listed_in: Path | None = None
+    person: str | None = None
 
 
 def find_sources(inputs: Iterable[str | Path]) -> list[Source]:
@@ -34,7 +37,8 @@ def find_sources(inputs: Iterable[str | Path]) -> list[Source]:
     Args:
         inputs: Each a sequence file, a recording's folder, a folder with recordings anywhere below it, a pattern with
             ``*``, or a text file with one of these per line (``#`` begins a comment). A recording found below a folder
-            is named by its relative path, any other by its own name. Linked folders are searched once.
+            is named by its relative path, any other by its own name. Linked folders are searched once. Each of several
+            people who have masks of their own is a source by themselves.
 
     Raises:
         ValueError: An input does not exist or cannot be read, no recording is found, two results would have the same
@@ -42,7 +46,7 @@ def find_sources(inputs: Iterable[str | Path]) -> list[Source]:
     """
     found: dict[str, Source] = {}
     for each in inputs:
-        for source in _below(str(each), ()):
+        for source in (person for one in _below(str(each), ()) for person in _people_of(one)):
             check_name(source.path, source.name)
             same = found.setdefault(source.name, source)
             if os.path.realpath(same.path) != os.path.realpath(source.path):
@@ -60,6 +64,15 @@ def find_sources(inputs: Iterable[str | Path]) -> list[Source]:
     if not found:
         raise ValueError("no recording is found: give sequence files (.npz) or folders with a recording.toml")
     return [found[name] for name in sorted(found)]
+
+
+def _people_of(source: Source) -> Iterator[Source]:
+    """A source for each of several people, or the source itself."""
+    names = names_of_people(source.path)
+    for name in names:
+        yield replace(source, name=f"{source.name}/{name}", person=name)
+    if not names:
+        yield source
 
 
 def _below(given: str, lists: tuple[Path, ...]) -> Iterator[Source]:

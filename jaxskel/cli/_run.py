@@ -106,11 +106,9 @@ def run(
     several = are_several(source, people)
     if several and data is not None:
         raise ValueError("--data: is of one person, but there are several; leave it out")
-    if several and anyway:
-        raise ValueError("--anyway: several people are not checked first; leave it out")
     others = [path for path in (subject, objective, data) if path is not None] + files_of_template(template)
     if several:
-        run_people(source, output, method, people, jobs, others)
+        run_people(source, output, method, people, jobs, others, anyway)
         return
     check_output(output, POSES_FILES, [*files_of(source), *others])
     settings, times = method.settings_for_subject(), StageTimes()

@@ -6,12 +6,13 @@ from pathlib import Path
 import typer
 
 from ..batch import Method
-from ..io.poses import tables_of, write_people_poses
+from ..io.poses import tables_of, write_people_archive, write_table
 from ..io.recordings import holds_people, read_people
 from ..people import MOST_PEOPLE, hide_others, tell_people_apart
 from ..pipeline import Settings
 from ..poses import Poses, smooth
 from ..recording import Recording
+from ..verdict import doubts_before_work
 from ._outputs import check_output, files_of
 from ._progress import StageTimes, progress_bar, reconstruct_with_progress, summary
 from ._say import say, warn
@@ -42,8 +43,9 @@ def run_people(
     people: str | None,
     jobs: int,
     others: Iterable[Path],
+    anyway: bool,
 ) -> None:
-    """Reconstruct everybody, one after the other; write poses.npz and a table for each person.
+    """Reconstruct everybody, one after the other; write poses.npz and a table for each person as they are done.
 
     Raises:
         ValueError: One line that names the file and how to mend it.
@@ -56,15 +58,21 @@ def run_people(
     if not found:
         warn(f"{source}: nobody is seen in enough views; do the silhouettes fit the calibration?")
         raise typer.Exit(1)
-    check_output(output, ("poses.npz", *tables_of(found)), inputs)
-    settings, poses = method.settings_for_subject(), {}
+    tables = [output / table for table in tables_of(found)]
+    check_output(output, ("poses.npz", *(table.name for table in tables)), inputs)
     for name, recording in found.items():
+        for told in doubts_before_work(f"{source}: {name}", recording, anyway):
+            warn(told)
+    settings, archive, poses = method.settings_for_subject(), output / "poses.npz", {}
+    for (name, recording), table in zip(found.items(), tables, strict=True):
         times = StageTimes()
         poses[name] = _reconstructed(name, recording, settings, method.smooth_hz, times, jobs)
         if recording.skeleton is None:
             say(f"{name}: {found_subject(poses[name])}")
         say(f"{name}: {summary(poses[name], times)}")
-    archive, *tables = write_people_poses(output, poses)
+        # What is done is kept if the next person is not.
+        write_people_archive(archive, poses)
+        write_table(table, poses[name])
     count = "1 person" if len(poses) == 1 else f"{len(poses)} people"
     say(f"{archive}, {', '.join(map(str, tables))}: {count}: {', '.join(poses)}")
     missed = [name for name, each in poses.items() if not each.has_pose.any()]
@@ -75,7 +83,6 @@ def run_people(
 
 def _people_in(source: Path, method: Method, people: str | None) -> dict[str, Recording]:
     """The recording of each person, told apart by masks or by the bodies of the hull."""
-    # Whether views agree is judged around one person, so it is not judged here.
     if holds_people(source):
         return hide_others(read_people(source))
     recording = method.read(source)

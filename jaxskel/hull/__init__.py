@@ -17,6 +17,7 @@ from ._grid_placement import body_middles as body_middles
 from ._grid_placement import place_grid as place_grid
 from ._max_misses import judge_misses as judge_misses
 from ._max_misses import most_misses as most_misses
+from ._others import without_others as without_others
 from ._people import find_people as find_people
 from ._people import observed_edge as observed_edge
 from ._projection_table import ProjectionTable as ProjectionTable

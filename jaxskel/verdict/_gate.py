@@ -6,11 +6,11 @@ from ..recording import Recording
 from ._judge import Severity, judge
 
 
-def doubts_before_work(source: Path, recording: Recording, anyway: bool = False) -> list[str]:
+def doubts_before_work(source: Path | str, recording: Recording, anyway: bool = False) -> list[str]:
     """Judge a few frames of a recording before any work.
 
     Args:
-        source: Path of the recording, for messages.
+        source: Path of the recording, of several people with the name of one, for messages.
         recording: The recording.
         anyway: Whether to go on with a hopeless recording.
 

@@ -81,7 +81,8 @@ class Verdict:
 def judge(recording: Recording, thorough: bool = False) -> Verdict:
     """Judge whether the views of a recording agree, and whether they show a person in a room.
 
-    Only some frames are examined. Unlike carving, this tolerates no error: a single wrong view is found.
+    Only some frames are examined. Unlike carving, this tolerates no error: a single wrong view is found. Pixels where
+    others may stand before the person say nothing.
 
     Args:
         recording: The recording.
@@ -99,7 +100,8 @@ def judge(recording: Recording, thorough: bool = False) -> Verdict:
     if np.median(areas) > MOST_PERSON:
         told = "most of every image is person, so the masks are inverted: the person must be white"
         return Verdict((Finding(Severity.HOPELESS, (), told),), None, None, len(chosen))
-    scene = make_scene(cameras, masks)
+    hidden = None if recording.hidden is None else reduce_views(recording.cameras, np.asarray(recording.hidden[chosen]))
+    scene = make_scene(cameras, masks, hidden=None if hidden is None else hidden.masks)
     material = Material(recording.cameras, recording.silhouettes, chosen)
     findings = [*_contradictions(scene, material, steps.tolist(), names)]
     findings += _frozen(masks, names)

@@ -39,23 +39,25 @@ def rig_cause(scene: Scene) -> RigCause | None:
     """The fault of the whole rig that explains most of the contradiction; None if no fault explains enough of it."""
     chosen = np.unique(np.linspace(0, len(scene.masks) - 1, _FRAMES).round().astype(int))
     cameras, masks = scene.cameras, scene.masks[chosen]
-    before = make_scene(cameras, masks).misfit()
+    hidden = None if scene.hidden is None else scene.hidden[chosen]
+    before = make_scene(cameras, masks, hidden=hidden).misfit()
     tried = []
     for told, change in _repairs(cameras):
         others, mended = change(cameras, masks)
+        behind = None if hidden is None else change(cameras, hidden)[1]
         if mended.any((2, 3)).sum() == masks.any((2, 3)).sum():  # else the person left some view, with all its misfit
-            tried.append((_misfit(others, mended, _ROUGH), told, others, mended))
+            tried.append((_misfit(others, mended, behind, _ROUGH), told, others, mended, behind))
     best = RigCause("", _LEFT * before)
-    for _, told, others, mended in sorted(tried, key=lambda each: each[0])[:_CLOSELY]:
-        misfit = _misfit(others, mended, POINTS)
+    for _, told, others, mended, behind in sorted(tried, key=lambda each: each[0])[:_CLOSELY]:
+        misfit = _misfit(others, mended, behind, POINTS)
         if misfit < best.misfit:
             best = RigCause(told, misfit)
     return best if best.told else None
 
 
-def _misfit(cameras: Cameras, masks: Views, points: int) -> float:
+def _misfit(cameras: Cameras, masks: Views, hidden: Views | None, points: int) -> float:
     """The misfit of a rig (half heights), infinite where a view no longer sees the person of the others."""
-    scene = make_scene(cameras, masks, points)
+    scene = make_scene(cameras, masks, points, hidden)
     return scene.misfit() if np.isfinite(scene.by_view()).all() else np.inf
 
 

@@ -20,6 +20,7 @@ class Scene(eqx.Module):
 
     Attributes:
         misses: Number of views of a frame that the most tolerant carving lets err.
+        hidden: Pixels where others may stand before the person, which say nothing; None if there are no others.
     """
 
     cameras: Cameras
@@ -28,6 +29,7 @@ class Scene(eqx.Module):
     sights: tuple[Sight, ...]
     frames: tuple[FrameEvidence, ...]
     misses: int
+    hidden: Bool[np.ndarray, "frames cams rows columns"] | None = None
 
     @property
     def every(self) -> Bool[np.ndarray, " cams"]:
@@ -65,7 +67,8 @@ class Scene(eqx.Module):
         samples = Samples(samples.middle[frames], samples.half[frames], samples.points)
         sights = tuple(Sight(s.pixel[frames], s.breadth[frames], s.side[frames]) for s in self.sights)
         chosen = tuple(self.frames[f] for f in frames)
-        return replace(self, masks=self.masks[frames], samples=samples, sights=sights, frames=chosen)
+        hidden = None if self.hidden is None else self.hidden[frames]
+        return replace(self, masks=self.masks[frames], samples=samples, sights=sights, frames=chosen, hidden=hidden)
 
     def with_masks(self, index: int, masks: Bool[np.ndarray, "frames rows columns"]) -> "Scene":
         """The scene with other silhouettes in one view; the sampled points stay the same."""
@@ -78,16 +81,21 @@ class Scene(eqx.Module):
         return replace(self, masks=every, frames=frames)
 
 
-def make_scene(cameras: Cameras, masks: Bool[np.ndarray, "frames cams rows columns"], points: int = POINTS) -> Scene:
+def make_scene(
+    cameras: Cameras,
+    masks: Bool[np.ndarray, "frames cams rows columns"],
+    points: int = POINTS,
+    hidden: Bool[np.ndarray, "frames cams rows columns"] | None = None,
+) -> Scene:
     """Make a scene of masks, which are as large as the cameras' images or padded at the right and bottom.
 
-    The misfit is taken at `points` along each edge of a cube around the person.
+    The misfit is taken at `points` along each edge of a cube around the person. `hidden` as in `Scene`.
     """
     samples = samples_around(cameras, masks, points)
-    sights = sights_of(cameras, masks.shape[3], samples)
+    sights = sights_of(cameras, masks.shape[3], samples, hidden)
     misses = most_misses(len(cameras))
     frames = tuple(
         frame_evidence([outside(mask, sight, f, slice(None)) for mask, sight in zip(view, sights, strict=True)], misses)
         for f, view in enumerate(masks)
     )
-    return Scene(cameras, masks, samples, tuple(sights), frames, misses)
+    return Scene(cameras, masks, samples, tuple(sights), frames, misses, hidden)

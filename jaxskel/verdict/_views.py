@@ -128,8 +128,16 @@ def samples_around(
     return Samples(middle, half, np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3))
 
 
-def sights_of(cameras: Cameras, columns: int, samples: Samples) -> list[Sight]:
-    """Where each camera sees the points, in images stored with the given number of columns."""
+def sights_of(
+    cameras: Cameras,
+    columns: int,
+    samples: Samples,
+    hidden: Bool[np.ndarray, "frames cams rows columns"] | None = None,
+) -> list[Sight]:
+    """Where each camera sees the points, in images stored with the given number of columns.
+
+    It does not see points behind pixels that are `hidden`, where others may stand before the person.
+    """
     shape = len(samples.half), len(samples.points)
     found = [
         Sight(np.full(shape, -1, np.int32), np.zeros(shape, np.float32), np.ones(shape[0], int)) for _ in cameras.names
@@ -145,7 +153,10 @@ def sights_of(cameras: Cameras, columns: int, samples: Samples) -> list[Sight]:
             if not inside.any():
                 continue
             row, column = ((a[c, inside] + 0.5).astype(int) for a in (v, u))
-            sight.pixel[f, inside] = row * columns + column
+            pixel = row * columns + column
+            if hidden is not None:
+                pixel = np.where(hidden[f, c, row, column], -1, pixel)
+            sight.pixel[f, inside] = pixel
             breadth = depth[c, inside] / focal[c]
             sight.breadth[f, inside] = breadth / samples.half[f]
             # Neighbouring points are farthest apart along the diagonals of their cubes.

@@ -53,6 +53,17 @@ def test_what_is_given_twice_is_done_once(tree):
     assert names("data/a/walk.npz", "data/a/walk.npz", "data/a/*.npz") == ["poses", "walk"]
 
 
+def test_people_with_masks_of_their_own_are_a_source_each(tree):
+    (tree / "data/b/run/recording.toml").write_text("fps = 30.0\n[people.anna]\nperson = [1]\n[people.ben]\n")
+    np.savez(tree / "data/b/walk.npz", silhouettes_carl=np.zeros(1), silhouettes_dora=np.zeros(1))
+    found = {source.name: source for source in find_sources(["data/b"])}
+    assert list(found) == ["run/anna", "run/ben", "walk/carl", "walk/dora"]
+    assert {source.person for source in found.values()} == {"anna", "ben", "carl", "dora"}
+    assert {str(source.path) for source in found.values()} == {"data/b/run", "data/b/walk.npz"}
+    (tree / "data/b/run/recording.toml").write_text('fps = 30.0\n[people."../anna"]\nperson = [1]\n')
+    assert names("data/b/run") == ["run"]  # reading it says what is wrong
+
+
 def test_a_list_is_relative_to_its_own_place_and_keeps_what_is_not_there(tree):
     (tree / "data/list.txt").write_text("# mine\na/walk.npz\n\nb/run  # folder\ngone.npz\n")
     assert names("data/list.txt") == ["gone", "run", "walk"]

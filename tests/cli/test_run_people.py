@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from support.command_line import jaxskel
 
-from jaxskel.io.poses import read_people_poses
-from jaxskel.io.recordings import write_people, write_recording
+from jaxskel.io.poses import read_people_poses, read_poses
+from jaxskel.io.recordings import read_people, write_people, write_recording
+from jaxskel.io.subjects import write_subject
 from jaxskel.people import everybody
 from jaxskel.synthetic import draw_adult, make_people, stand_close
 
@@ -53,6 +54,37 @@ def test_people_are_told_apart_in_one_mask_for_all(folder, done):
         assert away < 0.03
 
 
+def test_a_batch_has_a_result_for_each(done, folder):
+    found = jaxskel("batch", "room.npz", "-o", "batch", "--preset", "paper", "--jobs", "1", cwd=folder)
+    assert found.returncode == 0, found.stderr
+    assert "batch: 2 recordings, 2 done (0 of them before); 8 frames" in found.stdout
+    for name, poses in read_people_poses(folder / "out" / "poses.npz").items():
+        np.testing.assert_array_equal(read_poses(folder / "batch" / "room" / name / "poses.npz").joints, poses.joints)
+    again = jaxskel("batch", "room.npz", "-o", "batch", "--preset", "paper", "--jobs", "1", cwd=folder)
+    assert "2 done (2 of them before)" in again.stdout
+    write_subject(folder / "anna.toml", draw_adult(1).skeleton)
+    refused = jaxskel("batch", "room.npz", "-o", "own", "--subject", folder / "anna.toml", cwd=folder)
+    assert refused.returncode != 0
+    assert "has several people, but --subject" in refused.stdout.replace("\n", " ")
+
+
+def test_each_is_checked_and_what_is_wrong_with_all_is_said_before_any_work(folder):
+    good = jaxskel("check", "room.npz", "-o", "check.png", cwd=folder)
+    assert good.returncode == 0, good.stdout + good.stderr
+    assert "anna: hull and silhouettes in 4 frames" in good.stdout
+    assert good.stdout.splitlines()[-1].startswith("check.png: frame 2 of room.npz, ")
+    people = read_people(folder / "room.npz")
+    write_people(folder / "km.npz", {n: replace(one, cameras=one.cameras.scaled(1e-3)) for n, one in people.items()})
+    bad = jaxskel("check", "km.npz", "-o", "bad.png", cwd=folder)
+    assert bad.returncode == 2
+    for name in people:
+        assert f"{name}: wrong: what the silhouettes show is " in bad.stdout
+    refused = jaxskel("run", "km.npz", "-o", "refused", "--preset", "paper", cwd=folder)
+    assert refused.returncode == 2
+    assert "km.npz: anna: what the silhouettes show is " in refused.stderr
+    assert not (folder / "refused").exists()
+
+
 def test_without_the_option_the_status_says_why(folder):
     found = jaxskel("run", "blobs.npz", "-o", "one", "--preset", "paper", cwd=folder)
     assert found.returncode == 1
@@ -82,7 +114,6 @@ def test_scores_and_files_of_each(done, folder):
         (("room.npz", "--people", "2"), "--people: is for masks that show everybody; room.npz has masks of each"),
         (("room.npz", "--subject", "anna.toml"), "anna.toml: is one person, but there are several"),
         (("room.npz", "--data", "data.npz"), "--data: is of one person, but there are several"),
-        (("room.npz", "--anyway"), "--anyway: several people are not checked first; leave it out"),
     ],
 )
 def test_what_makes_no_sense_is_refused(arguments, message, folder):

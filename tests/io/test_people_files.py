@@ -204,3 +204,16 @@ def test_truth_of_people(people, tmp_path):
             np.testing.assert_allclose(truth.joints, wanted[name])
             assert up == "+Z"
             assert len(index) == len(truth.joints)
+
+
+def test_names_in_a_sequence_file_that_are_no_names_of_files_are_refused(tmp_path, people):
+    write_people(tmp_path / "room.npz", {"../../anna": people["anna"], "ben": people["ben"]})
+    with pytest.raises(ValueError, match=r"room\.npz: key 'silhouettes_\.\./\.\./anna': is no name"):
+        read_people(tmp_path / "room.npz")
+
+
+@pytest.mark.parametrize("name", ["../anna", "a/b", "a\\b", "..", ""])
+def test_names_in_poses_that_are_no_names_of_files_are_refused(tmp_path, name):
+    write_people_archive(tmp_path / "poses.npz", {name: moving(), "ben": moving()})
+    with pytest.raises(ValueError, match=r"poses\.npz: key 'people': has .*, which is no name of a file"):
+        read_people_poses(tmp_path / "poses.npz")

@@ -7,12 +7,13 @@ import pytest
 from support.phantoms import looking_at
 from support.recordings import graph_settings
 
-from jaxskel import Recording, default_adult, make_cameras, pack_silhouettes
+from jaxskel import Recording, default_adult, make_cameras, pack_silhouettes, unpack_silhouettes
 from jaxskel.hull import carve, make_grid, projection_table
 from jaxskel.outlines import contours
 from jaxskel.people import everybody, hide_others
 from jaxskel.pipeline import observe_batch, prepare
 from jaxskel.synthetic import make_people, stand_close
+from jaxskel.verdict import judge
 
 SIZE = 64, 48
 PLACES = {"near": (-1.0, 0.0, 1.0), "far": (1.0, 0.0, 1.0)}
@@ -135,3 +136,16 @@ def test_a_person_behind_another_has_a_hull_of_their_own():
         # Nothing of the neighbour, whose middle is 0.55 m away.
         away = np.abs(hulls.centres[:, 1] - truth[0, 1])
         assert (away[hulls.inside.any(0)] < 0.5).mean() > 0.98
+
+
+def test_what_others_hide_is_no_contradiction_between_views_and_a_mirrored_view_is_one():
+    skeletons = [default_adult(1.6), default_adult(1.8)]
+    people = make_people(dict(zip("ab", zip(skeletons, stand_close(skeletons, 4, 4.0), strict=True), strict=True)), 4.0)
+    for person in hide_others(people).values():
+        assert judge(person).findings == ()
+        mirrored = unpack_silhouettes(person.silhouettes[:], 640)
+        mirrored[:, 3] = mirrored[:, 3, :, ::-1]
+        (finding,) = judge(replace(person, silhouettes=pack_silhouettes(mirrored))).findings
+        assert finding.views == (person.cameras.names[3],)
+    # Where it is not known what is hidden, parts are missing that others stand before.
+    assert all(judge(person).findings for person in people.values())

@@ -101,6 +101,9 @@ def read_people_poses(path: str | Path) -> dict[str, Poses]:
     names = texts(path, arrays, PEOPLE_KEY)
     if len(set(names)) < len(names) or not names:
         raise fault(path, PEOPLE_KEY, f"is {names}; give different names")
+    for name in names:
+        if name in ("", "..") or set(name) & set("/\\"):  # each gets files of that name
+            raise fault(path, PEOPLE_KEY, f"has {name!r}, which is no name of a file; give another")
     own = [key for key in _OF_EACH if key in arrays]
     for key in own:
         if arrays[key].shape[:1] != (len(names),):

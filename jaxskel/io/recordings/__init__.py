@@ -16,6 +16,7 @@ from ._folders import described_views as described_views
 from ._inputs import holds_silhouettes as holds_silhouettes
 from ._inputs import input_paths as input_paths
 from ._people import holds_people as holds_people
+from ._people import names_of_people as names_of_people
 from ._people import read_people as read_people
 from ._recordings import read_recording as read_recording
 from ._rig import Rig as Rig

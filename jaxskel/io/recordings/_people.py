@@ -6,7 +6,7 @@ from typing import Any
 
 from ..._runtime.kinds import check_kind
 from ...recording import Recording
-from ..files import check_known, fault, parse_toml
+from ..files import MOST_BYTES, check_known, fault, parse_toml, read_bounded
 from ._folders import PERSON_PLACE, RECORDING_FILE, described_recording, described_views, read_table
 from ._sequence_file import IN_MEMORY, people_in_file, read_people_file
 from ._view_table import person_of
@@ -18,14 +18,25 @@ _NAME = r"[A-Za-z0-9][A-Za-z0-9_-]*"
 
 def holds_people(path: str | Path) -> bool:
     """Whether a recording is one of several people who are told apart by their masks; false for what is damaged."""
-    path = Path(path)
+    return _people_of(Path(path)) is not None
+
+
+def names_of_people(path: str | Path) -> list[str]:
+    """Names of the people who are told apart by their masks; empty if there is one, or what is there is damaged."""
+    people = _people_of(Path(path))
+    names = list(people) if isinstance(people, dict | list) else []
+    return names if all(re.fullmatch(_NAME, name) for name in names) else []
+
+
+def _people_of(path: Path) -> Any:
+    """What a recording says of its people: a table or names; None where there is nothing, or it is damaged."""
     file = path / RECORDING_FILE if path.is_dir() else path
     try:
         if file.name == RECORDING_FILE:
-            return "people" in parse_toml(file, file.read_bytes().decode(), "")
-        return file.suffix == ".npz" and bool(people_in_file(file))
+            return parse_toml(file, read_bounded(file, MOST_BYTES, "a recording").decode(), "").get("people")
+        return (people_in_file(file) or None) if file.suffix == ".npz" else None
     except (OSError, ValueError):
-        return False
+        return None
 
 
 def read_people(path: str | Path, in_memory: int = IN_MEMORY) -> dict[str, Recording]:
@@ -44,8 +55,11 @@ def read_people(path: str | Path, in_memory: int = IN_MEMORY) -> dict[str, Recor
     path = Path(path)
     if path.is_dir() or path.name == RECORDING_FILE:
         return _in_folder(path / RECORDING_FILE if path.is_dir() else path, in_memory)
-    if not people_in_file(path):
+    names = people_in_file(path)
+    if not names:
         raise fault(path, "silhouettes", "are of one person, or of all; read them with read_recording")
+    for name in names:
+        _check_name(path, f"silhouettes_{name}", name)
     return read_people_file(path, in_memory)
 
 
@@ -56,8 +70,7 @@ def _in_folder(path: Path, in_memory: int) -> dict[str, Recording]:
         raise fault(path, "people", "is missing; give a table for each person, [people.anna] with person = [1]")
     found = {}
     for name, own in people.items():
-        if not re.fullmatch(_NAME, name):
-            raise fault(path, f"people.{name}", "is no name; give letters, digits, _ and -")
+        _check_name(path, f"people.{name}", name)
         for key in own:
             check_known(path, key, _KEYS, f"people.{name}.")
         if "person" in own:
@@ -68,6 +81,11 @@ def _in_folder(path: Path, in_memory: int) -> dict[str, Recording]:
         recording = described_recording(path, given, described_views(path, given, may_lack=True), in_memory)
         found[name] = recording.named(name)
     return found
+
+
+def _check_name(path: Path, key: str, name: str) -> None:
+    if not re.fullmatch(_NAME, name):
+        raise fault(path, key, "is no name; give letters, digits, _ and -")
 
 
 def _views_of(path: Path, name: str, own: dict[str, Any], views: Any) -> Any:

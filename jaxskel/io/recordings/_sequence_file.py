@@ -27,8 +27,8 @@ _LONGEST = 50.0
 # Packed silhouettes larger than this (bytes) stay on disk: a minute at 30 frames per second fits, half an hour does
 # not.
 IN_MEMORY = 256 << 20
-# Begins the keys of the silhouettes of several people.
-_PERSON = "silhouettes_"
+SILHOUETTES_OF = "silhouettes_"
+"""Begins the keys of the silhouettes of several people."""
 # Keys that each of several people has.
 _OF_PERSON = ("rest_joints", "rest_tips", "joints", "tips")
 # Of keys that hold data of one's own.
@@ -97,7 +97,11 @@ def _kept(stored: StoredSilhouettes, in_memory: int) -> Silhouettes:
 def people_in_file(path: Path) -> list[str]:
     """Names of the people of a sequence file of several; empty if it is of one."""
     keys = keys_of(path)
-    return [] if "silhouettes" in keys else [key.removeprefix(_PERSON) for key in keys if key.startswith(_PERSON)]
+    return (
+        []
+        if "silhouettes" in keys
+        else [key.removeprefix(SILHOUETTES_OF) for key in keys if key.startswith(SILHOUETTES_OF)]
+    )
 
 
 def read_people_file(path: Path, in_memory: int = IN_MEMORY) -> dict[str, Recording]:
