@@ -60,10 +60,24 @@ LONGEST = (
 )  # fmt: skip
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The longest files first; the others stay in their order."""
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Some of the slow tests: together they take longer than one wants to wait for a change to be tested."""
+    parser.addoption(
+        "--slow-part", metavar="I/N", default="1/1", help="of the files, the I-th of N parts runs slow tests"
+    )
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """The longest files first; the others stay in their order. Slow tests of one part only, if it is given."""
     rank = {name: number for number, name in enumerate(LONGEST)}
     items.sort(key=lambda item: rank.get(item.path.name, len(rank)))
+    part, parts = (int(number) for number in config.getoption("--slow-part").split("/"))
+    slow = [item for item in items if item.get_closest_marker("slow")]
+    # Next to each other in this order are files that take about equally long.
+    chosen = list(dict.fromkeys(item.path for item in slow))[part - 1 :: parts]
+    left_out = {item for item in slow if item.path not in chosen}
+    items[:] = [item for item in items if item not in left_out]
+    config.hook.pytest_deselected(items=list(left_out))
 
 
 @pytest.fixture(autouse=True, scope="session")
