@@ -1,8 +1,10 @@
 """A subject's dimensions as unknowns: symmetric bone lengths and flesh, relative to a template."""
 
+from types import ModuleType
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -72,35 +74,44 @@ def lengths_of(skeleton: Skeleton) -> Float[np.ndarray, "lengths=11"]:
 
 
 def shaped_skeleton(template: Skeleton, shape: Shape) -> Skeleton:
-    """The template with other lengths; at rest, only the fingers change their direction. Differentiable."""
-    points = jnp.concatenate([jnp.asarray(template.rest_joints), jnp.asarray(template.rest_tips)])
+    """The template with other lengths; at rest, only the fingers change their direction.
+
+    NumPy arrays are computed in double precision; with JAX arrays it is differentiable.
+    """
+    xp = _namespace(template, shape)
+    points = xp.concatenate([template.rest_joints, template.rest_tips])
     bones = points[1:] - points[_PARENTS[1:]]
     fingers = bones[_FINGERS_TO]
-    size = jnp.linalg.norm(fingers, axis=-1, keepdims=True)
-    tilt = jnp.stack([jnp.append(jnp.asarray(shape.fingers) * jnp.array([1.0, side]), 0.0) for side in (1.0, -1.0)])
+    size = xp.linalg.norm(fingers, axis=-1, keepdims=True)
+    tilt = shape.fingers @ _TILTS
     along = fingers / size
     tilted = along + tilt - (tilt * along).sum(-1, keepdims=True) * along
-    bones = bones.at[_FINGERS_TO].set(size * tilted / jnp.linalg.norm(tilted, axis=-1, keepdims=True))
-    bones = bones * jnp.exp(jnp.asarray(shape.lengths))[_LENGTH_OF_POINT][:, None]
+    tilted = size * tilted / xp.linalg.norm(tilted, axis=-1, keepdims=True)
+    bones = _OTHERS[:, None] * bones + _OF_FINGERS @ tilted
+    bones = bones * xp.exp(shape.lengths)[_LENGTH_OF_POINT][:, None]
     built = points[:1] + _BONES_TO @ bones
     return Skeleton(built[: len(JOINT_NAMES)], built[len(JOINT_NAMES) :])
 
 
 def shaped_body(template: Skeleton, shape: Shape) -> Body:
-    """The body (m, body frame) that the unknowns describe. Differentiable."""
+    """The body (m, body frame) that the unknowns describe, computed as by `shaped_skeleton`."""
     body = make_body(shaped_skeleton(template, shape))
-    own = jnp.asarray(shape.balls)[LIKE_BALL]
+    own = shape.balls[LIKE_BALL]
     sides = np.stack([np.ones_like(BALL_SIDES), BALL_SIDES, np.ones_like(BALL_SIDES)], -1).astype(np.float32)
-    radii = jnp.maximum(body.radii + own[:, 3], _THINNEST)
+    radii = _namespace(template, shape).maximum(body.radii + own[:, 3], _THINNEST)
     return Body(body.skeleton, body.segments, body.offsets + own[:, :3] * sides, radii, body.links)
 
 
 def measured_body(template: Skeleton, shape: Shape) -> Body:
     """As `shaped_body`, but as NumPy arrays in double precision, with a checked skeleton."""
-    body = shaped_body(template, shape)
-    offsets, radii = (np.asarray(a, np.float64) for a in (body.offsets, body.radii))
-    skeleton = make_skeleton(np.asarray(body.skeleton.rest_joints), np.asarray(body.skeleton.rest_tips))
-    return Body(skeleton, body.segments, offsets, radii, body.links)
+    body = shaped_body(*jax.tree.map(lambda part: np.asarray(part, np.float64), (template, shape)))
+    skeleton = make_skeleton(body.skeleton.rest_joints, body.skeleton.rest_tips)
+    return Body(skeleton, body.segments, body.offsets, body.radii, body.links)
+
+
+def _namespace(template: Skeleton, shape: Shape) -> ModuleType:
+    """NumPy where all arrays are NumPy's: compiling what runs but a few times would take longest before a pose."""
+    return np if all(isinstance(part, np.ndarray) for part in jax.tree.leaves((template, shape))) else jnp
 
 
 class Prior(NamedTuple):
@@ -193,3 +204,8 @@ _BONES_TO = _bones_to()
 _BETWEEN = _between()
 _HEM = np.flatnonzero(np.diagonal(_BETWEEN) == 0)
 _FINGERS_TO = _FINGERTIPS - 1
+# Bones other than the fingers' (1 or 0), and where the two of the fingers are among all.
+_OTHERS = np.where(np.isin(np.arange(len(_POINTS) - 1), _FINGERS_TO), 0.0, 1.0).astype(np.float32)
+_OF_FINGERS = (np.arange(len(_POINTS) - 1)[:, None] == _FINGERS_TO).astype(np.float32)
+# From the two tilts of the left fingers to vectors that tilt the left and the right ones (hand, tilt, axis).
+_TILTS = np.array([[[1.0, 0.0, 0.0], [0.0, side, 0.0]] for side in (1.0, -1.0)], np.float32)
