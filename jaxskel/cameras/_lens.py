@@ -37,6 +37,8 @@ def distorted(dist: Any, fisheye: Any, x: Any, y: Any) -> tuple[Any, Any]:
 
 def _distorted(dist: Any, x: Any, y: Any) -> tuple[Any, Any]:
     """OpenCV's rational and tangential lens model."""
+    if isinstance(dist, np.ndarray) and not dist.any():  # rendered or undistorted images: nothing would change
+        return x, y
     k1, k2, p1, p2, k3, k4, k5, k6 = (dist[:, i] for i in range(COEFFICIENTS))
     r2 = x * x + y * y
     radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
