@@ -156,3 +156,11 @@ def unpack_silhouettes(packed: UInt8[np.ndarray, "*batch h w8"], width: int) -> 
             f"packed: {packed.shape[-1]} of {packed.dtype} in a row do not hold {width} pixels; give its width"
         )
     return np.unpackbits(packed, axis=-1, count=width).view(bool)
+
+
+def unpack_view(
+    packed: UInt8[np.ndarray, "*batch h w8"], size: Int[np.ndarray, "2"]
+) -> Bool[np.ndarray, "*batch height width"]:
+    """Unpack the masks of one view, of its own width and height (px): those of a rig are padded to the largest."""
+    width, height = size.tolist()
+    return unpack_silhouettes(packed[..., :height, : -(-width // 8)], width)
