@@ -142,7 +142,11 @@ def _numbers(name: str, given: Any) -> Float[np.ndarray, "frames ..."]:
 
 
 def pack_silhouettes(masks: Bool[np.ndarray, "frames cams h w"]) -> UInt8[np.ndarray, "frames cams h w8"]:
-    """Pack boolean masks (True = person) into the bits that a `Recording` holds."""
+    """Pack boolean masks (True = person) into the bits that a `Recording` holds.
+
+    Raises:
+        ValueError: The masks are no array of that shape and kind.
+    """
     if not isinstance(masks, np.ndarray) or masks.ndim != 4 or masks.dtype.kind not in "biu":
         what = f"of shape {masks.shape}, {masks.dtype}" if isinstance(masks, np.ndarray) else told(masks)
         raise ValueError(f"masks: are {what}; give booleans of shape (frames, cams, h, w)")
@@ -150,7 +154,11 @@ def pack_silhouettes(masks: Bool[np.ndarray, "frames cams h w"]) -> UInt8[np.nda
 
 
 def unpack_silhouettes(packed: UInt8[np.ndarray, "*batch h w8"], width: int) -> Bool[np.ndarray, "*batch h w"]:
-    """Unpack bits into boolean masks of the given width (px)."""
+    """Unpack bits into boolean masks of the given width (px).
+
+    Raises:
+        ValueError: Rows of this length do not hold that width; masks that are not packed, for example.
+    """
     if packed.dtype != np.uint8 or not 8 * packed.shape[-1] - 7 <= width <= 8 * packed.shape[-1]:
         raise ValueError(
             f"packed: {packed.shape[-1]} of {packed.dtype} in a row do not hold {width} pixels; give its width"
