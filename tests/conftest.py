@@ -51,7 +51,8 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 # Files that take longest: begun last, one of them would keep a single process busy at the end.
 LONGEST = (
-    "test_real_recordings.py", "test_slurm.py", "test_stream.py", "test_table.py", "test_sequence.py", "test_readme.py",
+    "test_real_recordings.py", "test_from_pose2sim.py",
+    "test_slurm.py", "test_stream.py", "test_table.py", "test_sequence.py", "test_readme.py",
     "test_pipeline.py", "test_batch.py", "test_cli.py", "test_fisheye_pipeline.py", "test_refine_cameras.py",
     "test_shared.py", "test_fuzz.py", "test_calibrate_body.py", "test_found_subject.py", "test_search_objective.py",
     "test_coupled_batches.py", "test_benchmark_scripts.py", "test_run_volumes.py", "test_statuses.py",

@@ -10,6 +10,9 @@ def rotation_to_z_up(up: str) -> Float[np.ndarray, "3 3"]:
     """Rotation from a world whose up axis is `up` to one with z up.
 
     A cyclic permutation of the axes, with two signs flipped for a negative axis: exact in floating point.
+
+    Raises:
+        ValueError: `up` is none of `UP_AXES`.
     """
     if up not in UP_AXES:
         raise ValueError(f"up axis {up!r}: give one of {', '.join(UP_AXES)}")

@@ -81,6 +81,9 @@ def keypoint_set(name: str, names: str | Sequence[str], **others: str) -> Keypoi
         names: Of the keypoints, in their order: for example ``LShoulder``, ``l_shoulder`` or ``left_shoulder``.
         **others: What other names mean: one of `MEANINGS`, for example ``MidHip="pelvis"``. Names without a meaning
             have no point.
+
+    Raises:
+        ValueError: A meaning is none of `MEANINGS`.
     """
     found = tuple(names.split() if isinstance(names, str) else names)
     for key, meaning in others.items():

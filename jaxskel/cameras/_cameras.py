@@ -153,6 +153,9 @@ def project(
     Returns:
         u and v (px) and the depth along the optical axis (m). u and v are NaN where a camera cannot see the point:
         behind it, or beyond the radius at which its distortion folds back.
+
+    Raises:
+        ValueError: The points have another shape.
     """
     if points.ndim != 2 or points.shape[1] != 3:
         raise ValueError(f"points: have shape {points.shape}; give (points, 3) world coordinates (m)")

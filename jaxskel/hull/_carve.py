@@ -161,6 +161,9 @@ def carve(
 
     Returns:
         The occupied voxels of every frame, on the table's grid.
+
+    Raises:
+        ValueError: The silhouettes are not packed, or of other cameras or image sizes than the table.
     """
     frames, cams = silhouettes.shape[:2]
     wanted = len(table.footprints), table.size[0], table.size[1] // 8

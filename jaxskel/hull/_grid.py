@@ -2,7 +2,7 @@
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Real
 
 # A grid of more voxels than this would need gigabytes for its projection table.
 MAX_VOXELS = 60_000_000
@@ -31,7 +31,7 @@ class VoxelGrid(eqx.Module):
         """Upper corner of the last voxel in the world (m)."""
         return np.asarray(self.origin) + np.array(self.shape) * self.spacing
 
-    def axes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def axes(self) -> tuple[Float[np.ndarray, " x"], Float[np.ndarray, " y"], Float[np.ndarray, " z"]]:
         """Coordinates of the voxel centres along x, y and z (m)."""
         x, y, z = (
             float(low) + self.spacing * (np.arange(n) + 0.5)
@@ -45,12 +45,16 @@ class VoxelGrid(eqx.Module):
 
 
 def check_spacing(spacing: float) -> None:
-    """Refuse an edge length (m) that no voxel can have: millimetres are a common mistake."""
+    """Refuse an edge length (m) that no voxel can have: millimetres are a common mistake.
+
+    Raises:
+        ValueError: It is not between 1 mm and 1 m.
+    """
     if isinstance(spacing, bool) or not isinstance(spacing, int | float | np.number) or not 1e-3 <= spacing <= 1.0:
         raise ValueError(f"voxel spacing {spacing} m: give metres between 0.001 and 1, 0.015 is the usual choice")
 
 
-def make_grid(lower: np.ndarray, upper: np.ndarray, spacing: float) -> VoxelGrid:
+def make_grid(lower: Real[np.ndarray, "3"], upper: Real[np.ndarray, "3"], spacing: float) -> VoxelGrid:
     """Make the smallest grid that covers a box, with its origin at even multiples of the spacing.
 
     All grids of a spacing are therefore aligned with each other, and so are pairs of their voxels.

@@ -206,7 +206,11 @@ class Poses(eqx.Module):
 
 
 def join_poses(parts: Iterable[Poses]) -> Poses:
-    """Put consecutive parts of one recording together; the skeleton is that of the first one."""
+    """Put consecutive parts of one recording together; the skeleton is that of the first one.
+
+    Raises:
+        ValueError: There are no parts, or they are of different templates.
+    """
     parts = [parts] if isinstance(parts, Poses) else list(parts)
     for part in parts:
         check_kind("parts", part, Poses, "the Poses of consecutive parts")

@@ -237,7 +237,11 @@ def _distances(poses: np.ndarray, truth: np.ndarray, has_pose: np.ndarray) -> np
 
 
 def join_scores(scores: Iterable[Score]) -> Score:
-    """Join the scores of several recordings into one."""
+    """Join the scores of several recordings into one.
+
+    Raises:
+        ValueError: There are no scores, or they differ in their threshold or their joints.
+    """
     parts = list(scores)
     if not parts:
         raise ValueError("join_scores: no scores given")

@@ -12,6 +12,7 @@ from ._recording import Recording as Recording
 from ._recording import Truth as Truth
 from ._recording import pack_silhouettes as pack_silhouettes
 from ._recording import unpack_silhouettes as unpack_silhouettes
+from ._recording import unpack_view as unpack_view
 from ._silhouettes import AbstractSilhouettes as AbstractSilhouettes
 from ._silhouettes import Silhouettes as Silhouettes
 from ._views import MIN_VIEWS as MIN_VIEWS

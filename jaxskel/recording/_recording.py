@@ -142,7 +142,11 @@ def _numbers(name: str, given: Any) -> Float[np.ndarray, "frames ..."]:
 
 
 def pack_silhouettes(masks: Bool[np.ndarray, "frames cams h w"]) -> UInt8[np.ndarray, "frames cams h w8"]:
-    """Pack boolean masks (True = person) into the bits that a `Recording` holds."""
+    """Pack boolean masks (True = person) into the bits that a `Recording` holds.
+
+    Raises:
+        ValueError: The masks are no array of that shape and kind.
+    """
     if not isinstance(masks, np.ndarray) or masks.ndim != 4 or masks.dtype.kind not in "biu":
         what = f"of shape {masks.shape}, {masks.dtype}" if isinstance(masks, np.ndarray) else told(masks)
         raise ValueError(f"masks: are {what}; give booleans of shape (frames, cams, h, w)")
@@ -150,9 +154,21 @@ def pack_silhouettes(masks: Bool[np.ndarray, "frames cams h w"]) -> UInt8[np.nda
 
 
 def unpack_silhouettes(packed: UInt8[np.ndarray, "*batch h w8"], width: int) -> Bool[np.ndarray, "*batch h w"]:
-    """Unpack bits into boolean masks of the given width (px)."""
+    """Unpack bits into boolean masks of the given width (px).
+
+    Raises:
+        ValueError: Rows of this length do not hold that width; masks that are not packed, for example.
+    """
     if packed.dtype != np.uint8 or not 8 * packed.shape[-1] - 7 <= width <= 8 * packed.shape[-1]:
         raise ValueError(
             f"packed: {packed.shape[-1]} of {packed.dtype} in a row do not hold {width} pixels; give its width"
         )
     return np.unpackbits(packed, axis=-1, count=width).view(bool)
+
+
+def unpack_view(
+    packed: UInt8[np.ndarray, "*batch h w8"], size: Int[np.ndarray, "2"]
+) -> Bool[np.ndarray, "*batch height width"]:
+    """Unpack the masks of one view, of its own width and height (px): those of a rig are padded to the largest."""
+    width, height = size.tolist()
+    return unpack_silhouettes(packed[..., :height, : -(-width // 8)], width)

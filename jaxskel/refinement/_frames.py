@@ -63,7 +63,11 @@ def refine_frame(
     rounds: int = 3,
     max_steps: int = 16,
 ) -> Refined:
-    """Refine the pose of one frame. Arguments as for [`refine_frames`][], but without the frames axis."""
+    """Refine the pose of one frame. Arguments as for [`refine_frames`][], but without the frames axis.
+
+    Raises:
+        ValueError: The objective couples frames.
+    """
     if objective.couplings:
         raise ValueError(f"{', '.join(objective.couplings)}: couples frames; use refine_sequence, or leave it out")
 

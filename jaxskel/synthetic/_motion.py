@@ -91,6 +91,9 @@ def demo_motion(skeleton: Skeleton, frames: int = 60, fps: float = 5.0) -> Pose:
     Returns:
         A stack of poses (m). World: z up, the floor at z = 0, facing +x at the start. Feet that carry the body do not
         slide.
+
+    Raises:
+        ValueError: There is no frame, or the frame rate is not positive.
     """
     if frames < 1 or not fps > 0:
         raise ValueError(f"frames = {frames} and fps = {fps}: give at least one frame and a positive frame rate")

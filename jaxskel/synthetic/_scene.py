@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
+from jaxtyping import Float
 
 from ..body import HUMAN_15, Pose, Skeleton, default_adult, make_body, place_body, place_joints
 from ..cameras import Cameras, make_cameras
@@ -13,8 +14,14 @@ from ._random_poses import random_poses
 from ._render import render
 
 
-def look_at(centre: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """R and t (world to camera, m) of a camera at `centre` that looks at `target` with its horizon level (z up)."""
+def look_at(
+    centre: Float[np.ndarray, "3"], target: Float[np.ndarray, "3"]
+) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3"]]:
+    """R and t (world to camera, m) of a camera at `centre` that looks at `target` with its horizon level (z up).
+
+    Raises:
+        ValueError: The camera looks straight up or down, so that its horizon is not defined.
+    """
     forward = (target - centre) / np.linalg.norm(target - centre)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     if np.linalg.norm(right) < 1e-6:
@@ -87,6 +94,9 @@ def make_scene(
 
     Returns:
         A recording with known dimensions and ground truth.
+
+    Raises:
+        ValueError: The motion is no stack of poses.
     """
     cameras = camera_ring() if cameras is None else cameras
     skeleton = default_adult() if skeleton is None else skeleton

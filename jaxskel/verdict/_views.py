@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 
 from ..cameras import Cameras, project
 from ..hull import body_middles
-from ..recording import find_empty_views, pack_silhouettes, person_boxes, silhouette_areas, unpack_silhouettes
+from ..recording import find_empty_views, pack_silhouettes, person_boxes, silhouette_areas, unpack_view
 
 # Points along an edge of the cube around the person. 64 give the same misfits on the real recordings, to a tenth.
 POINTS = 48
@@ -92,7 +92,7 @@ def reduced_silhouettes(
     found = np.zeros((len(silhouettes), *sizes.max(0)[::-1]), bool)
     padded = np.zeros((down * step, across * step), np.uint8)
     for f, packed in enumerate(silhouettes):
-        padded[:height, :width] = 255 * unpack_silhouettes(packed, width)[:height]
+        padded[:height, :width] = 255 * unpack_view(packed, cameras.size[index])
         found[f, :down, :across] = cv2.resize(padded, (across, down), interpolation=cv2.INTER_AREA) > 127
     return found
 

@@ -64,7 +64,11 @@ def virtual_recording(
 
 
 def seen_by_virtual_cameras(volumes: Volumes, count: int = VIRTUAL_CAMERAS) -> Recording:
-    """As `virtual_recording`, of volumes that are checked."""
+    """As `virtual_recording`, of volumes that are checked.
+
+    Raises:
+        ValueError: No voxel is occupied in any frame.
+    """
     parts = [np.arange(len(volumes))[start : start + _AT_ONCE] for start in range(0, len(volumes), _AT_ONCE)]
     extents = [(hulls.voxels.min(0), hulls.voxels.max(0) + 1) for hulls in (hulls_of(volumes, p) for p in parts)
                if len(hulls.voxels)]  # fmt: skip

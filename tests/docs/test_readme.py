@@ -86,7 +86,7 @@ def test_python_of_the_templates_runs(tmp_path):
 
 def test_no_other_page_has_python():
     assert {page for page, blocks in BLOCKS.items() if blocks} == {
-        "README", "objectives", "cluster", "templates", "people",
+        "README", "objectives", "cluster", "templates", "people", "from_pose2sim",
     }  # fmt: skip
 
 

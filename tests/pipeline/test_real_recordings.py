@@ -1,12 +1,11 @@
 """Real recordings, from the original files to poses. These tests are skipped without the shared data."""
 
 import shutil
-from functools import partial
-from unittest.mock import patch
 
 import cv2
 import numpy as np
 import pytest
+from support.real_rigs import filled_up_to_eight
 from support.shared_data import SHARED
 
 from jaxskel import Settings, prepare, reconstruct
@@ -33,9 +32,7 @@ MARKERS = {
 
 @pytest.fixture(autouse=True, scope="module")
 def rigs_of_eight():
-    """Rigs of four are filled up as those of eight are, so that the programs are those of other tests."""
-    size = partial(max, 8)
-    with patch("jaxskel.cameras._blind.rig_size", size), patch("jaxskel.outlines._distances.rig_size", size):
+    with filled_up_to_eight():
         yield
 
 

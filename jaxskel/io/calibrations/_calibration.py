@@ -77,7 +77,11 @@ def camera_fault(path: Path, camera: str, message: str) -> ValueError:
 def validated(
     path: Path, contents: Contents, unit: float | None, sizes: Mapping[str, tuple[int, int]] | None
 ) -> Calibration:
-    """Validate the result of a reader, and convert it to metres."""
+    """Validate the result of a reader, and convert it to metres.
+
+    Raises:
+        ValueError: The cameras cannot be real ones; one line that names the file and the camera.
+    """
     entries = contents.entries
     if not entries:
         told = (

@@ -62,7 +62,11 @@ def read_calibration(
 
 
 def contents_of(path: Path) -> Contents:
-    """Unvalidated content of a file or folder; the reader is chosen by name, or else by content."""
+    """Unvalidated content of a file or folder; the reader is chosen by name, or else by content.
+
+    Raises:
+        ValueError: No reader takes the file; pickles are never read.
+    """
     name, suffix = path.name.lower(), path.suffix.lower()
     if suffix in _PICKLES:
         raise fault(path, None, "is a pickle, which can run any program and is never read; save numpy.savez instead")

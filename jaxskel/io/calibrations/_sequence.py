@@ -63,7 +63,11 @@ def write_calibration(path: str | Path, cameras: Cameras, up: str | None = None)
 
 
 def up_axis(path: Path, arrays: dict[str, np.ndarray]) -> str:
-    """Check `up`; the default is "+Z"."""
+    """Check `up`; the default is "+Z".
+
+    Raises:
+        ValueError: One line that names the file, the key and how to mend it.
+    """
     up = texts(path, arrays, "up") if "up" in arrays else ["+Z"]
     if len(up) != 1 or up[0] not in UP_AXES:
         raise fault(path, "up", f"give one of {', '.join(UP_AXES)}, not {short(arrays['up'])}")

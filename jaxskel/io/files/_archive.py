@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import IO
 
 import numpy as np
+from jaxtyping import Bool, Float, Shaped
 
 from ._bounded import open_regular
 from ._errors import fault as fault
@@ -29,7 +30,11 @@ _MAX_NUMBER = 1e9
 
 
 def texts(path: Path, arrays: dict[str, np.ndarray], key: str) -> list[str]:
-    """The strings of an array with at most one dimension."""
+    """The strings of an array with at most one dimension.
+
+    Raises:
+        ValueError: One line that names the file, the key and how to mend it.
+    """
     array = arrays[key]
     if array.dtype.kind != "U" or array.ndim > 1:
         raise fault(path, key, f"{array.dtype} of shape {array.shape}; give text")
@@ -53,8 +58,12 @@ def numbers(
     key: str,
     shape: tuple[int | None, ...] | None,
     nan: bool = False,
-) -> np.ndarray:
-    """The real numbers of an array of the given shape (None matches any length or shape), as float64."""
+) -> Float[np.ndarray, "..."]:
+    """The real numbers of an array of the given shape (None matches any length or shape), as float64.
+
+    Raises:
+        ValueError: One line that names the file, the key and how to mend it.
+    """
     array = arrays[key]
     if array.dtype.kind not in "iuf":
         raise fault(path, key, f"holds {array.dtype}; give numbers")
@@ -74,8 +83,12 @@ def numbers(
     return array
 
 
-def switches(path: Path, arrays: dict[str, np.ndarray], key: str, count: int) -> np.ndarray:
-    """An array of `count` values, each true or false; the numbers 1 and 0 are accepted."""
+def switches(path: Path, arrays: dict[str, np.ndarray], key: str, count: int) -> Bool[np.ndarray, " count"]:
+    """An array of `count` values, each true or false; the numbers 1 and 0 are accepted.
+
+    Raises:
+        ValueError: One line that names the file, the key and how to mend it.
+    """
     array = arrays[key]
     if array.dtype.kind not in "biu" or array.shape != (count,) or not np.isin(array, (0, 1)).all():
         raise fault(path, key, f"holds {array.dtype} of shape {array.shape}; give ({count},) values, true or false")
@@ -90,7 +103,7 @@ def short(array: np.ndarray) -> str:
 
 def read_arrays(
     path: Path, required: tuple[str, ...], optional: tuple[str, ...], most: int = _MAX_BYTES
-) -> dict[str, np.ndarray]:
+) -> dict[str, Shaped[np.ndarray, "..."]]:
     """Read the named arrays of an `.npz` archive, checking what they claim against the actual bytes.
 
     Args:
@@ -153,8 +166,12 @@ class StoredRows:
             raise fault(path, key, "is stored by columns; save numpy.ascontiguousarray of it")
         self._row = math.prod(self.shape[1:]) * self.dtype.itemsize
 
-    def read(self, start: int, stop: int) -> np.ndarray:
-        """The rows from `start` to before `stop`."""
+    def read(self, start: int, stop: int) -> Shaped[np.ndarray, "rows ..."]:
+        """The rows from `start` to before `stop`.
+
+        Raises:
+            ValueError: The file has been damaged since it was opened.
+        """
         try:
             if self._stream is None:
                 archive = self._open.enter_context(_opened(self.path))

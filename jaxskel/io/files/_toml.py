@@ -24,6 +24,9 @@ def read_toml(path: Path, known: Iterable[str], wanted: str, example: str) -> di
         known: Allowed keys.
         wanted: What the file should hold, for messages.
         example: A valid line of such a file, for messages.
+
+    Raises:
+        ValueError: One line that names the file, the key and how to mend it.
     """
     content = read_bounded(path, MOST_BYTES, f"a TOML file with {wanted}")
     try:
@@ -37,7 +40,11 @@ def read_toml(path: Path, known: Iterable[str], wanted: str, example: str) -> di
 
 
 def parse_toml(path: Path, text: str, remedy: str) -> dict[str, Any]:
-    """Parse the text of a file; a fault names the file and ends with the remedy."""
+    """Parse the text of a file; a fault names the file and ends with the remedy.
+
+    Raises:
+        ValueError: The text is not TOML.
+    """
     for line in text.splitlines():
         if len(line) > _LONGEST_LINE or line.count(".") > _MOST_DOTS:
             raise fault(path, None, f"is not TOML (a line is too long: {line[:60]!r}); {remedy}")
@@ -48,7 +55,11 @@ def parse_toml(path: Path, text: str, remedy: str) -> dict[str, Any]:
 
 
 def check_known(path: Path, key: str, known: Iterable[str], where: str = "") -> None:
-    """Refuse an unknown key, which is most likely a typing error."""
+    """Refuse an unknown key, which is most likely a typing error.
+
+    Raises:
+        ValueError: The key is unknown; the line proposes the nearest known one.
+    """
     known = list(known)
     if key not in known:
         nearest = difflib.get_close_matches(key, known, n=1, cutoff=0.0)[0]

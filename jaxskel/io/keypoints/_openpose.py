@@ -32,7 +32,11 @@ def read_people(path: Path, count: int) -> Float[np.ndarray, "people keypoints 3
 
 
 def parse_people(path: Path, content: bytes, count: int) -> Float[np.ndarray, "people keypoints 3"]:
-    """As `read_people`, of the content of a file; `path` is for messages."""
+    """As `read_people`, of the content of a file; `path` is for messages.
+
+    Raises:
+        ValueError: The content is not what OpenPose writes; one line that names the file.
+    """
     if content.count(b"[") + content.count(b"{") > _MOST_LISTS:
         raise fault(path, None, f"holds more than {_MOST_LISTS} lists, too many for one image; check the path")
     try:

@@ -41,7 +41,11 @@ def read_bvh(path: str | Path, scale: float = 0.01, up: str = "+Y") -> Motion:
 
 
 def parse_bvh(text: str, scale: float = 0.01, up: str = "+Y", name: str = "BVH") -> Motion:
-    """Read one clip from the text of its file; the name is for error messages. See `read_bvh`."""
+    """Read one clip from the text of its file; the name is for error messages. See `read_bvh`.
+
+    Raises:
+        ValueError: One line that names the clip, the line and how to mend it.
+    """
     check_scale(scale)
     if up not in UP_AXES:
         raise ValueError(f"up axis {up!r}: give one of {', '.join(UP_AXES)}")

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Int
 
 from ..._runtime.atomic_files import written_whole
 from ...poses import WITH_POSE, Poses
@@ -60,7 +61,11 @@ def tables_of(people: Mapping[str, Any]) -> list[str]:
 
 
 def write_people_archive(path: str | Path, people: Mapping[str, Poses]) -> Path:
-    """Write the `poses.npz` of [`write_people_poses`][] alone, under any name; return its path."""
+    """Write the `poses.npz` of [`write_people_poses`][] alone, under any name; return its path.
+
+    Raises:
+        ValueError: There is nobody, or the people have other frames or templates than each other.
+    """
     path = Path(path)
     if not people:
         raise ValueError(f"{path}: there is nobody to write")
@@ -123,7 +128,7 @@ def _is_known(key: str, arrays: dict[str, np.ndarray]) -> bool:
     return bool(np.isfinite(arrays[key]).any()) or (without_pose and key in ("rotations", "sigma"))
 
 
-def read_people_truth(path: str | Path) -> dict[str, tuple[Truth, str, np.ndarray]]:
+def read_people_truth(path: str | Path) -> dict[str, tuple[Truth, str, Int[np.ndarray, " frames"]]]:
     """What the poses of several people can be scored against, by name, as `read_truth` reads it of one person.
 
     Raises:

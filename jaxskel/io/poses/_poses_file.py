@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ..._runtime.atomic_files import written_whole
 from ...body import KeypointSet, Skeleton, SkeletonTemplate
@@ -191,7 +191,7 @@ def archived_poses(path: Path) -> dict[str, np.ndarray]:
     )
 
 
-def read_truth(path: str | Path, of: str = "") -> tuple[Truth, str, np.ndarray]:
+def read_truth(path: str | Path, of: str = "") -> tuple[Truth, str, Int[np.ndarray, " frames"]]:
     """Read what poses can be scored against: the ground truth of a sequence file, or the poses of a `poses.npz`.
 
     Args:

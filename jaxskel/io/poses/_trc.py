@@ -124,7 +124,11 @@ def read_trc(path: str | Path, *, up: str = "+Y") -> Markers:
 
 
 def parse_trc(text: str, *, up: str = "+Y", name: str = "TRC") -> Markers:
-    """Read marker trajectories from the text of a file; the name is for error messages. See `read_trc`."""
+    """Read marker trajectories from the text of a file; the name is for error messages. See `read_trc`.
+
+    Raises:
+        ValueError: One line that names the file, the line and how to mend it.
+    """
     name = " ".join(name.split())
     # Not splitlines, which also breaks lines at characters that may occur in a name.
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ..._runtime.atomic_files import written_whole
 from ...body import HUMAN_15, Skeleton, SkeletonTemplate, make_skeleton
@@ -202,7 +202,11 @@ def _cameras(path: Path, arrays: dict[str, np.ndarray]) -> Cameras:
 
 
 def skeleton_of(path: Path, arrays: dict[str, np.ndarray], template: SkeletonTemplate) -> Skeleton | None:
-    """Check the subject's dimensions (m), if the file has them."""
+    """Check the subject's dimensions (m), if the file has them.
+
+    Raises:
+        ValueError: One line that names the file, the key and how to mend it.
+    """
     given = [key for key in ("rest_joints", "rest_tips") if key in arrays]
     if not given:
         return None
@@ -218,7 +222,11 @@ def skeleton_of(path: Path, arrays: dict[str, np.ndarray], template: SkeletonTem
 
 
 def truth(path: Path, arrays: dict[str, np.ndarray], frames: int | None, template: SkeletonTemplate) -> Truth | None:
-    """Check the ground truth of a file (world, m); NaN stands for unknown."""
+    """Check the ground truth of a file (world, m); NaN stands for unknown.
+
+    Raises:
+        ValueError: One line that names the file, the key and how to mend it.
+    """
     if "joints" not in arrays:
         if "tips" in arrays:
             raise fault(path, "tips", "comes without joints; give both or neither")
@@ -243,15 +251,23 @@ def truth(path: Path, arrays: dict[str, np.ndarray], frames: int | None, templat
 
 
 def frame_rate(path: Path, arrays: dict[str, np.ndarray]) -> float:
-    """Check `fps`."""
+    """Check `fps`.
+
+    Raises:
+        ValueError: One line that names the file, the key and how to mend it.
+    """
     fps = arrays["fps"]
     if fps.size != 1 or fps.dtype.kind not in "iuf" or not 0 < float(fps.reshape(())) < np.inf:
         raise fault(path, "fps", f"give one positive number of frames per second, not {short(fps)}")
     return float(fps.reshape(()))
 
 
-def frame_numbers(path: Path, arrays: dict[str, np.ndarray], frames: int) -> np.ndarray:
-    """Check `frame_index`; the default is 0, 1, 2, ..."""
+def frame_numbers(path: Path, arrays: dict[str, np.ndarray], frames: int) -> Int[np.ndarray, " frames"]:
+    """Check `frame_index`; the default is 0, 1, 2, ...
+
+    Raises:
+        ValueError: One line that names the file, the key and how to mend it.
+    """
     index = arrays.get("frame_index", np.arange(frames))
     if index.shape != (frames,) or index.dtype.kind not in "iu":
         raise fault(path, "frame_index", f"{index.dtype} of shape {index.shape}; give {frames} whole numbers")

@@ -35,6 +35,10 @@ def template_arrays(template: SkeletonTemplate) -> dict[str, str]:
 
 
 def check_names(path: Path, arrays: dict[str, np.ndarray], key: str, names: tuple[str, ...]) -> None:
-    """Refuse a file that lists its joints in another order; a file without the key is trusted."""
+    """Refuse a file that lists its joints in another order; a file without the key is trusted.
+
+    Raises:
+        ValueError: One line that names the file, the key and how to mend it.
+    """
     if key in arrays and tuple(texts(path, arrays, key)) != names:
         raise fault(path, key, f"reorder the file to {', '.join(names)}")

@@ -121,7 +121,11 @@ def _is_colour(value: Any) -> bool:
 
 
 def open_frames(path: Path, key: str, value: Any) -> Frames:
-    """Open the images that a value names: a folder, a video, or ``archive.npz:key``."""
+    """Open the images that a value names: a folder, a video, or ``archive.npz:key``.
+
+    Raises:
+        ValueError: One line that names the file, the key and how to mend it.
+    """
     if is_camera(value):
         raise fault(path, key, f"is {reprlib.repr(value)}, a camera, which only `jaxskel live` reads; name a file")
     place = place_of(path.parent, text(path, key, value))

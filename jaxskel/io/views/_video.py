@@ -70,7 +70,11 @@ class Video:
             self._restart()
 
     def read(self, number: int) -> UInt8[np.ndarray, "h w 3"] | None:
-        """Read a frame as blue, green, red; None outside of the video."""
+        """Read a frame as blue, green, red; None outside of the video.
+
+        Raises:
+            ValueError: The video breaks off, or changes its size.
+        """
         if not 0 <= number <= self.span[1]:
             return None
         if number < self._next:

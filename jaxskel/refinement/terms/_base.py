@@ -53,7 +53,11 @@ class Observed(eqx.Module):
     data: dict[str, Float[Array | np.ndarray, "..."]] = eqx.field(default_factory=dict)
 
     def with_data(self, /, **data: Any) -> "Observed":
-        """The same with more data, for terms of your own: arrays with the frames axis first, NaN where missing."""
+        """The same with more data, for terms of your own: arrays with the frames axis first, NaN where missing.
+
+        Raises:
+            ValueError: An array has not one row for each frame.
+        """
         found = {name: jnp.asarray(array, jnp.result_type(float)) for name, array in data.items()}
         frames = self.inner.shape[:-2]
         for name, array in found.items():

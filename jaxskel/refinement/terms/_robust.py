@@ -63,7 +63,11 @@ class Robust(AbstractTerm):
         return self.term.correspond(body, observed)
 
     def residual(self, body: PlacedBody, observed: Observed, fixed: Any) -> Float[Array, " rows"]:
-        """Residuals whose squared norm is the robust cost."""
+        """Residuals whose squared norm is the robust cost.
+
+        Raises:
+            ValueError: The number of the term's residuals is no multiple of `group`.
+        """
         plain = jnp.ravel(self.term.residual(body, observed, fixed))
         if plain.size % self.group:
             raise ValueError(f"group: is {self.group}, but the term has {plain.size} residuals; give a divisor of that")

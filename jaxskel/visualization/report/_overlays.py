@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int, Int16
 
 from ...cameras import Cameras, project
-from ...recording import Recording, unpack_silhouettes
+from ...recording import Recording, unpack_view
 from ._outlines import UNSEEN, display_scale, outlines, to_units
 from ._packed import packed_size
 
@@ -97,6 +97,5 @@ def drawn_skeletons(
 def _frame_outlines(recording: Recording, row: int) -> list[list[np.ndarray]]:
     found = []
     for packed, size in zip(recording.silhouettes[row], recording.cameras.size, strict=True):
-        width, height = size.tolist()
-        found.append(outlines(unpack_silhouettes(packed[:height], width), display_scale(size)))
+        found.append(outlines(unpack_view(packed, size), display_scale(size)))
     return found

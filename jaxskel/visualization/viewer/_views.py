@@ -5,7 +5,7 @@ import numpy as np
 from jaxtyping import Int, UInt8
 
 from ...cameras import Cameras, project
-from ...recording import unpack_silhouettes
+from ...recording import unpack_view
 from .. import draw_silhouette, drawn_bones
 from ._figures import Figure
 from ._rerun import rr
@@ -48,8 +48,7 @@ def log_cameras(stream: rr.RecordingStream, cameras: Cameras) -> None:
 def log_silhouettes(stream: rr.RecordingStream, cameras: Cameras, packed: UInt8[np.ndarray, "cams h w8"]) -> None:
     """Log the silhouettes of one frame in every view, reduced, as PNG."""
     for name, size, bits in zip(cameras.names, cameras.size, packed, strict=True):
-        width, height = size.tolist()
-        image = _small(draw_silhouette(unpack_silhouettes(bits[:height], width)), display_size(size))
+        image = _small(draw_silhouette(unpack_view(bits, size)), display_size(size))
         contents = cv2.imencode(".png", image)[1].tobytes()
         stream.log(f"{camera_path(name)}/silhouette", rr.EncodedImage(contents=contents, media_type="image/png"))
 
