@@ -60,6 +60,8 @@ def run_people(
         raise typer.Exit(1)
     tables = [output / table for table in tables_of(found)]
     check_output(output, ("poses.npz", *(table.name for table in tables)), inputs)
+    # Of people told apart in common masks, a contradiction may come of that, and each frame has a status.
+    anyway = anyway or not holds_people(source)
     for name, recording in found.items():
         for told in doubts_before_work(f"{source}: {name}", recording, anyway):
             warn(told)
