@@ -1,4 +1,4 @@
-"""The wheel and the source distribution: all that runs is in them, and nothing else; their metadata say what they are."""
+"""The wheel and the source distribution: all that runs is in them, and little else; metadata say what they are."""
 
 import subprocess
 import sys

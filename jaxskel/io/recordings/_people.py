@@ -22,7 +22,7 @@ def holds_people(path: str | Path) -> bool:
     file = path / RECORDING_FILE if path.is_dir() else path
     try:
         if file.name == RECORDING_FILE:
-            return "people" in parse_toml(file, file.read_bytes().decode(), "")
+            return "people" in parse_toml(file, file.read_bytes().decode("utf-8-sig"), "")
         return file.suffix == ".npz" and bool(people_in_file(file))
     except (OSError, ValueError):
         return False
