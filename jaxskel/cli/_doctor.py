@@ -3,6 +3,7 @@
 import os
 import platform
 from collections.abc import Iterator
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from ._installed import DISTRIBUTION, Package, core_packages, packages_of_extras
 from ._say import say, warn
 
 _WIDTH = 11
+_MEMORY_INFO = Path("/proc/meminfo")  # of Linux
 
 
 def doctor() -> None:
@@ -67,15 +69,15 @@ def _told(package: Package) -> str:
 
 def _memory() -> str:
     """The machine's memory, where the system tells it."""
-
-    def gigabytes(pages: str) -> str | None:
-        try:
-            return f"{os.sysconf(pages) * os.sysconf('SC_PAGE_SIZE') / 1e9:.1f} GB"
-        except (AttributeError, ValueError, OSError):  # Windows has no sysconf, macOS does not count free pages
-            return None
-
-    told = gigabytes("SC_PHYS_PAGES"), gigabytes("SC_AVPHYS_PAGES")
-    return ", ".join(f"{size} {what}" for size, what in zip(told, ("in all", "free"), strict=True) if size)
+    told = []
+    with suppress(AttributeError, ValueError, OSError):  # Windows has no sysconf
+        told.append(f"{os.sysconf('SC_PHYS_PAGES') * os.sysconf('SC_PAGE_SIZE') / 1e9:.1f} GB in all")
+    # What sysconf calls available is less: files that Linux keeps in memory, and lets go, count as used.
+    with suppress(OSError, StopIteration):
+        lines = _MEMORY_INFO.read_text(encoding="utf-8").splitlines()
+        available = next(line for line in lines if line.startswith("MemAvailable:"))
+        told.append(f"{int(available.split()[1]) * 1024 / 1e9:.1f} GB free")
+    return ", ".join(told)
 
 
 def _device_problems() -> Iterator[str]:
