@@ -20,8 +20,8 @@ NEEDS = [
     "numpy>=2.0",
     "winonly>=1; sys_platform == 'nowhere'",
     'ezc3d>=1.5.19; extra == "export"',
-    'websockets>=14; extra == "live"',
-    'python-osc>=1.8; extra == "live"',
+    'websockets>=14.2; extra == "live"',
+    'python-osc>=1.9; extra == "live"',
     'pytest>=8; extra == "test"',
 ]
 
@@ -29,7 +29,7 @@ NEEDS = [
 @pytest.fixture
 def installed(monkeypatch):
     """Versions that seem to be installed, by name."""
-    versions = {"jaxskel": "0.1.0", "jax": "0.9.1", "jaxlib": "0.9.1", "numpy": "2.4", "websockets": "14.2"}
+    versions = {"jaxskel": "0.1.0", "jax": "0.9.1", "jaxlib": "0.9.1", "numpy": "2.4", "websockets": "15.0"}
 
     def version(name: str) -> str:
         if name not in versions:
@@ -62,8 +62,8 @@ def test_it_tells_what_is_there_and_how_to_mend_the_rest(installed, tmp_path):
     assert lines["packages"] == "jax 0.9.1, jaxlib 0.9.1, numpy 2.4"
     assert lines["cameras"] == "2: 640 x 480 px, 30 fps"
     assert lines["export"] == 'ezc3d missing; to mend it: python -m pip install "ezc3d>=1.5.19"'
-    assert lines["live"].startswith("websockets 14.2, python-osc missing")
-    assert lines["live"].endswith('python -m pip install "python-osc>=1.8"')
+    assert lines["live"].startswith("websockets 15.0, python-osc missing")
+    assert lines["live"].endswith('python -m pip install "python-osc>=1.9"')
     assert "test" not in lines
     assert "winonly" not in done.stdout
 
