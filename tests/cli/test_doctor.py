@@ -146,8 +146,10 @@ def test_without_arguments_it_says_in_five_lines_what_to_do_next(tmp_path):
 
 
 def test_the_shell_can_complete_commands(tmp_path):
-    done = by_itself(
-        cwd=tmp_path, _PYTHON_M_JAXSKEL_COMPLETE="complete_bash", _JAXSKEL_COMPLETE="complete_bash",
-        COMP_WORDS="jaxskel do", COMP_CWORD="1",
-    )  # fmt: skip
-    assert done.stdout.split() == ["doctor"]
+    # As the script of this name calls it; the shell asks by these variables.
+    code = "import sys; sys.argv[0] = 'jaxskel'; from jaxskel.cli import main; main()"
+    asked = {"_JAXSKEL_COMPLETE": "complete_bash", "COMP_WORDS": "jaxskel do", "COMP_CWORD": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env=os.environ | asked, capture_output=True, text=True, timeout=120
+    )
+    assert done.stdout.split() == ["doctor"], done.stderr
