@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
-from ..io.files import fault, read_bounded
+from ..io.files import fault, named_path, read_bounded
 from ..io.recordings import RECORDING_FILE, names_of_people
 from ._names import check_name
 from ._search import is_pattern, is_recording, matches, recordings_below
@@ -119,7 +119,7 @@ def _listed(path: Path, lists: tuple[Path, ...]) -> Iterator[Source]:
         entry = line.partition("#")[0].strip()
         if not entry:
             continue
-        place = path.parent / entry
+        place = named_path(path.parent, entry)
         if place.exists() or is_pattern(entry):
             yield from _below(str(place), (*lists, path))
         else:

@@ -15,6 +15,7 @@ from ._calibrate_body import calibrate_body
 from ._calibrate_cameras import calibrate_cameras
 from ._check import check
 from ._demo import demo
+from ._doctor import doctor
 from ._evaluate import evaluate
 from ._export import export
 from ._init import init
@@ -27,8 +28,7 @@ from ._summary import summary
 from ._view import view
 
 app = typer.Typer(
-    no_args_is_help=True,
-    add_completion=False,
+    invoke_without_command=True,
     pretty_exceptions_enable=False,
     help="3D human skeletons from calibrated multi-view silhouettes.",
 )
@@ -46,6 +46,14 @@ app.command()(refine_cameras)
 app.command()(export)
 app.command()(report)
 app.command()(view)
+app.command()(doctor)
+
+_FIRST_STEPS = """\
+What to do next:
+  jaxskel demo -o demo                  see it work, on a scene that it makes
+  jaxskel check RECORDING               do the views of a recording agree? Then: jaxskel run RECORDING -o results
+  jaxskel report RECORDING POSES.npz    see the poses in a browser
+  jaxskel --help                        all commands; jaxskel doctor: what is installed here, what is missing"""
 
 
 def _show_version(wanted: bool) -> None:
@@ -56,12 +64,15 @@ def _show_version(wanted: bool) -> None:
 
 @app.callback()
 def _top(
+    context: typer.Context,
     _: Annotated[bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Version.")] = False,
     no_cache: Annotated[
         bool, typer.Option("--no-cache", envvar="JAXSKEL_NO_CACHE", help="Do not keep compiled code for the next run.")
     ] = False,
 ) -> None:
-    if not no_cache:
+    if context.invoked_subcommand is None:
+        print(_FIRST_STEPS)
+    elif not no_cache:
         keep_compiled()
 
 
@@ -81,9 +92,7 @@ def main() -> None:
     try:
         code = app(standalone_mode=False)
     except _UsageError as error:
-        # Without arguments, typer has already printed the help.
-        if type(error).__name__ != "NoArgsIsHelpError":
-            warn(_usage(error))
+        warn(_usage(error))
         sys.exit(2)
     except (ValueError, OSError, MemoryError) as error:
         warn(_one_line(error))

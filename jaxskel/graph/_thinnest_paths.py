@@ -133,7 +133,9 @@ def _adjacency(voxels: Int[np.ndarray, "voxels 3"]) -> csr_array:
         rows += [there, other[there]]
         columns += [other[there], there]
         lengths.append(np.full(2 * len(there), np.linalg.norm(step)))
-    entries = np.concatenate(lengths), (np.concatenate(rows), np.concatenate(columns))
+    # SciPy's shortest paths took no other kind of index before its version 1.15.
+    places = np.concatenate(rows).astype(np.int32), np.concatenate(columns).astype(np.int32)
+    entries = np.concatenate(lengths), places
     return csr_array(coo_array(entries, (len(voxels), len(voxels))))
 
 

@@ -5,6 +5,7 @@ show avatars.
 """
 
 from ._browser import PoseServer as PoseServer
+from ._cameras_here import cameras_here as cameras_here
 from ._captures import Captures as Captures
 from ._clock import Clock as Clock
 from ._clock import WallClock as WallClock

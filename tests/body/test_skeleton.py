@@ -38,7 +38,7 @@ CARRIERS = [SEGMENT_PARENTS[segment] for segment in SEGMENT_OF_PIVOT]
 
 def random_pose(seed) -> Pose:
     rng = np.random.default_rng(seed)
-    return Pose(rng.normal(size=3), Rotation.random(17, rng=rng).as_matrix())
+    return Pose(rng.normal(size=3), Rotation.random(17, rng).as_matrix())
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -181,7 +181,7 @@ def test_a_rotated_rig_sees_the_rotated_world():
 
 def test_choosing_cameras():
     rng = np.random.default_rng(0)
-    R = Rotation.random(4, rng=rng).as_matrix()
+    R = Rotation.random(4, rng).as_matrix()
     sizes = np.array([[100, 80], [200, 160], [300, 240], [400, 320]])
     rig = make_cameras(
         np.tile(np.diag([50.0, 50, 1]), (4, 1, 1)), R, rng.normal(size=(4, 3)), sizes, np.arange(16).reshape(4, 4) / 99

@@ -52,8 +52,9 @@ def trees(draw, least=1, most=30):
 @settings(deadline=None)
 @given(trees())
 def test_geodesics_are_dijkstras(tree):
-    n, child = len(tree), np.arange(1, len(tree))
-    edges = csr_array((tree.edge_lengths[1:], (child, tree.parents[1:])), shape=(n, n))
+    n = len(tree)
+    places = np.arange(1, n, dtype=np.int32), tree.parents[1:].astype(np.int32)
+    edges = csr_array((tree.edge_lengths[1:], places), shape=(n, n))
     expected = dijkstra(edges, directed=False)
     np.testing.assert_allclose(tree.geodesics(np.arange(n)), expected, atol=1e-12)
     np.testing.assert_allclose(tree.depths, expected[0], atol=1e-12)

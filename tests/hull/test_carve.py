@@ -48,7 +48,7 @@ def reference(masks, rig, fold, grid, empty_views, max_misses, min_views):
 def random_rig(rng):
     """Five cameras of every kind; the fourth stands in the volume, the last one has a lens that folds back."""
     size = np.array([[61, 48], [64, 40], [37, 33], [64, 48], [50, 45]])
-    R = Rotation.random(5, rng=rng).as_matrix()
+    R = Rotation.random(5, rng).as_matrix()
     # Each camera looks at a point near the middle of the grid from its own distance.
     distance = np.array([2.0, 1.2, 3.0, 0.1, 0.9])
     middle = np.array([0.0, 0.0, 1.0]) + rng.normal(0, 0.1, (5, 3))

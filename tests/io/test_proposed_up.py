@@ -14,7 +14,7 @@ HABIT = Contents("Pose2Sim TOML", [], 1.0, "+Z")
 
 def in_other_world(axis: list[int]) -> Cameras:
     """The rig in a world where this axis points up."""
-    rotation, _ = Rotation.align_vectors([axis], [[0, 0, 1]])
+    rotation, _ = Rotation.align_vectors([axis, np.roll(axis, 1)], [[0, 0, 1], [1, 0, 0]])
     return rig().rotated(rotation.as_matrix())
 
 

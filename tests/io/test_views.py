@@ -204,7 +204,7 @@ def test_what_cannot_be_read_is_named_in_a_line(tmp_path, what, told):
 
 def test_a_video_that_was_cut_short_has_the_frames_that_are_there(tmp_path):
     whole = write_video(tmp_path / "whole.avi", 16).read_bytes()
-    (tmp_path / "cut.avi").write_bytes(whole[: len(whole) * 4 // 5])
+    (tmp_path / "cut.avi").write_bytes(whole[: len(whole) * 9 // 10])  # most of it is a header
     video = Video(tmp_path / "cut.avi")
     assert 0 < video.span[1] < 15
     assert video.read(video.span[1]) is not None

@@ -96,7 +96,7 @@ def test_size_is_that_of_the_limbs(name, factor):
 def test_rotations_are_found_and_reflections_are_not():
     rng = np.random.default_rng(0)
     points = rng.normal(size=(7, 3))
-    turns = Rotation.random(5, rng=rng).as_matrix()
+    turns = Rotation.random(5, rng).as_matrix()
     shifts = rng.normal(size=(5, 3))
     targets = points @ turns.swapaxes(1, 2) + shifts[:, None]
     targets[:, 3] = np.nan

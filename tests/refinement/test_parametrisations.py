@@ -51,7 +51,7 @@ HINGES = ("l_forearm", "r_forearm", "l_shank", "r_shank")
 def free_pose(seed) -> Pose:
     """Every segment turned at random, hands and feet too."""
     rng = np.random.default_rng(seed)
-    return Pose(rng.normal(size=3), Rotation.random(17, rng=rng).as_matrix())
+    return Pose(rng.normal(size=3), Rotation.random(17, rng).as_matrix())
 
 
 def points_of(pose: Pose) -> np.ndarray:

@@ -26,6 +26,7 @@ from ._images import is_picture as is_picture
 from ._images import keeps_values as keeps_values
 from ._images import read_image as read_image
 from ._images import read_indexed as read_indexed
+from ._named_paths import named_path as named_path
 from ._ours import TOML_LINE as TOML_LINE
 from ._ours import is_ours as is_ours
 from ._toml import MOST_BYTES as MOST_BYTES

@@ -30,7 +30,7 @@ def read_toml(path: Path, known: Iterable[str], wanted: str, example: str) -> di
     """
     content = read_bounded(path, MOST_BYTES, f"a TOML file with {wanted}")
     try:
-        text = content.decode()
+        text = content.decode("utf-8-sig")  # some editors of Windows begin with a mark
     except UnicodeDecodeError as error:
         raise fault(path, None, f"is not TOML ({error}); write for example: {example}") from None
     table = parse_toml(path, text, f"write for example: {example}")

@@ -54,7 +54,7 @@ from ...cameras import Cameras, with_images_changed
 from ...recording import UP_AXES, Recording
 from ...segmentation import Cleaning
 from ..calibrations import contents_of, not_posed, validated
-from ..files import check_known, fault, read_toml
+from ..files import check_known, fault, named_path, read_toml
 from ..subjects import read_subject
 from ..views import Frames, View, ViewSilhouettes
 from ._changed_images import calibrated_size, missing_sizes, read_change
@@ -246,7 +246,7 @@ def described_span(path: Path, table: dict[str, Any], views: list[View]) -> tupl
 
 
 def _beside(path: Path, key: str, value: Any) -> Path:
-    return path.parent / text(path, key, value)
+    return named_path(path.parent, text(path, key, value))
 
 
 def _cleaning(path: Path, table: dict[str, Any]) -> tuple[Cleaning, bool]:

@@ -40,7 +40,7 @@ def input_paths(recording: Path) -> dict[str, Path]:
 
 def _table(path: Path) -> dict[str, Any]:
     try:
-        return parse_toml(path, read_bounded(path, MOST_BYTES, "a recording").decode(), "")
+        return parse_toml(path, read_bounded(path, MOST_BYTES, "a recording").decode("utf-8-sig"), "")
     except ValueError:
         return {}
 

@@ -33,7 +33,7 @@ def _people_of(path: Path) -> Any:
     file = path / RECORDING_FILE if path.is_dir() else path
     try:
         if file.name == RECORDING_FILE:
-            return parse_toml(file, read_bounded(file, MOST_BYTES, "a recording").decode(), "").get("people")
+            return parse_toml(file, read_bounded(file, MOST_BYTES, "a recording").decode("utf-8-sig"), "").get("people")
         return (people_in_file(file) or None) if file.suffix == ".npz" else None
     except (OSError, ValueError):
         return None

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ...recording import Recording
-from ..files import fault
+from ..files import fault, named_path
 from ..views import Camera, View, is_camera
 from ._folders import RECORDING_FILE, described_rig, described_views, read_table
 from ._view_table import text
@@ -78,6 +78,6 @@ def read_rig(path: Path) -> Rig:
 def _open_camera(file: Path, key: str, value: Any) -> Camera:
     """A camera, or a video that is played beside cameras."""
     try:
-        return Camera(value if is_camera(value) else file.parent / text(file, key, value))
+        return Camera(value if is_camera(value) else named_path(file.parent, text(file, key, value)))
     except ValueError as error:
         raise fault(file, key, f"{reprlib.repr(value)} {error}" if is_camera(value) else str(error)) from None

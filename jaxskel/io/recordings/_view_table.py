@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from ...segmentation import Background, Cleaning, backdrop_of, backdrop_of_colour, plate_of
-from ..files import check_known, fault, read_image
+from ..files import check_known, fault, named_path, read_image
 from ..views import (
     CutOut,
     Frames,
@@ -136,7 +136,7 @@ def open_frames(path: Path, key: str, value: Any) -> Frames:
 
 def place_of(folder: Path, value: str) -> Path:
     """The file or folder that a value names."""
-    return folder / (value.rpartition(":")[0] if _is_member(value) else value)
+    return named_path(folder, value.rpartition(":")[0] if _is_member(value) else value)
 
 
 def _is_member(value: str) -> bool:
@@ -166,7 +166,7 @@ def number(path: Path, key: str, value: Any, what: str, least: float, most: floa
 
 def _background(path: Path, where: str, key: str, value: Any, frames: Frames, shadows: bool) -> Background:
     if key == "plate":
-        place = path.parent / text(path, where, value)
+        place = named_path(path.parent, text(path, where, value))
         still = is_image(place)
         images = [read_image(place, cv2.IMREAD_COLOR)] if still else _some(open_frames(path, where, value))
         return plate_of(images, shadows)

@@ -1,7 +1,8 @@
 """Images that come while they are taken: a camera at this machine, a stream from the network, or a file."""
 
 from pathlib import Path
-from urllib.parse import unquote, urlsplit
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 
 import cv2
 import numpy as np
@@ -38,7 +39,7 @@ class Camera:
         if isinstance(value, Path):
             self._file = value
         elif isinstance(value, str) and value.startswith("file://"):
-            self._file = Path(unquote(urlsplit(value).path))
+            self._file = Path(url2pathname(urlsplit(value).path))  # on Windows it begins with a drive
         self._value = value
         self.path = Path(str(value)) if self._file is None else self._file
         self._capture = self._opened()
