@@ -118,9 +118,8 @@ def failed(work: Work, problem: str, trace: str | None = None) -> Manifest:
 
 @cache
 def current_version() -> str:
-    """The package's version; for a development version, with a digest of its definitions."""
-    number = version("jaxskel")
-    return f"{number}+{digest_of_definitions()[:12]}" if "dev" in number else number
+    """The package's version with a digest of its definitions, which change between releases, too."""
+    return f"{version('jaxskel')}+{digest_of_definitions()[:12]}"
 
 
 def write_manifest(path: Path, manifest: Manifest) -> None:

@@ -37,6 +37,9 @@ class Method:
         """Read a recording, with the subject if one is given; `up` as for `read_recording`.
 
         With the name of a `person`, of several who have masks of their own, it is theirs.
+
+        Raises:
+            ValueError: A subject is given, but there are several people; or as `read_recording` raises it.
         """
         if person is None:
             return self._completed(source, read_recording(source, up=up))

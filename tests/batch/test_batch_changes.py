@@ -119,9 +119,9 @@ def test_a_fault_that_is_of_a_file_in_the_making_is_not_the_last_word(folder, mo
 
     read = Method.read
 
-    def then_whole(method, path):
+    def then_whole(method, path, person):
         try:
-            return read(method, path)
+            return read(method, path, person=person)
         except ValueError:
             (source.path / FIRST).write_bytes(whole)
             raise

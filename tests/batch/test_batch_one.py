@@ -12,6 +12,7 @@ from support.random_poses import some_poses
 from support.recording_folders import write_folder
 
 from jaxskel import HullSettings, Settings, Status
+from jaxskel._runtime.code_digest import digest_of_definitions
 from jaxskel.batch import Method, Outcome, ResultFolder, Source, _manifest, _reading, finished_before, read_results
 from jaxskel.batch import _one as one
 from jaxskel.batch._manifest import read_manifest
@@ -66,11 +67,11 @@ def test_done_again_when_something_changed(place, monkeypatch):
     assert finished_before(source, output, METHOD) is None
 
 
-def test_a_development_version_counts_its_code(monkeypatch):
+def test_a_version_counts_its_code(monkeypatch):
     monkeypatch.setattr(_manifest, "version", lambda name: "1.2.3")
-    assert _manifest.current_version.__wrapped__() == "1.2.3"
-    monkeypatch.setattr(_manifest, "version", lambda name: "1.2.dev0")
-    assert _manifest.current_version.__wrapped__().startswith("1.2.dev0+")
+    assert _manifest.current_version.__wrapped__() == f"1.2.3+{digest_of_definitions()[:12]}"
+    monkeypatch.setattr(_manifest, "digest_of_definitions", lambda: "0123456789abcdef")
+    assert _manifest.current_version.__wrapped__() == "1.2.3+0123456789ab"
 
 
 @pytest.mark.slow
