@@ -135,21 +135,28 @@ def _compared(one: _Checked, drawn: int, images: list[np.ndarray]) -> tuple[np.n
                 draw_box(image, cameras, c, prepared.table.grid)
     coverage, spill = (np.array([getattr(r, k) for r in results]) for k in ("coverage", "spill"))
     coverage[empty_views], spill[empty_views] = np.nan, np.nan
-    table = _table(one, coverage, spill, empty_views)
+    table = _table(cameras.names, coverage, spill, empty_views, one.verdict, one.who)
     return coverage[list(chosen).index(drawn)], (table, _describe(recording, prepared.table.grid, hulls, one.verdict))
 
 
-def _table(one: _Checked, coverage: np.ndarray, spill: np.ndarray, empty_views: np.ndarray) -> Table:
-    table = Table(title=f"{one.who}hull and silhouettes in {len(empty_views)} frames")
+def _table(
+    names: tuple[str, ...],
+    coverage: np.ndarray,
+    spill: np.ndarray,
+    empty_views: np.ndarray,
+    verdict: Verdict,
+    who: str = "",
+) -> Table:
+    table = Table(title=f"{who}hull and silhouettes in {len(empty_views)} frames")
     for column in ("view", "covered %", "worst %", "spill %", "misfit mm", "without person"):
         table.add_column(column, justify="left" if column == "view" else "right")
-    for c, name in enumerate(one.recording.cameras.names):
+    for c, name in enumerate(names):
         there = ~empty_views[:, c]
         figures = ["-"] * 3
         if there.any():
             values = (np.median(coverage[there, c]), coverage[there, c].min(), np.median(spill[there, c]))
             figures = [f"{100 * value:.1f}" for value in values]
-        misfit = np.nan if one.verdict.misfit is None else 1e3 * one.verdict.misfit[c]
+        misfit = np.nan if verdict.misfit is None else 1e3 * verdict.misfit[c]
         told = f"{misfit:.1f}" if np.isfinite(misfit) else "-"
         table.add_row(cell(name), *figures, told, str(int(empty_views[:, c].sum())))
     return table
