@@ -5,6 +5,8 @@ from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import numpy as np
+from jaxtyping import Int
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -27,7 +29,7 @@ from ..pipeline import (
     reconstruct_parallel,
     reconstruct_volumes,
 )
-from ..poses import Poses, join_poses
+from ..poses import STATUS_NAMES, Poses, Status, join_poses
 from ..recording import Recording
 from ..volumes import Volumes
 
@@ -130,12 +132,19 @@ def _timed(batches: Iterator[Poses], times: StageTimes) -> Iterator[Poses]:
 
 
 def summary(poses: Poses, times: StageTimes | str) -> str:
-    """Frames, failures by kind, start-up time and frames per second or what else is to be told, in one line."""
-    notes = [f"{count} {name}" for name, count in poses.counts().items() if name != "ok"]
+    """Frames, statuses other than ok, start-up time and frames per second or what else is to be told, in one line."""
     with_pose = int(poses.has_pose.sum())
-    kinds = f" ({', '.join(notes)})" if notes else ""
     sure = f", confidence {poses.typical_confidence:.2f}" if with_pose else ""
-    return f"{len(poses)} frames, {with_pose} with a pose, {len(poses) - with_pose} without{kinds}{sure}; {times}"
+    return (
+        f"{len(poses)} frames, {with_pose} with a pose{_kinds(poses.status[poses.has_pose])}, "
+        f"{len(poses) - with_pose} without{_kinds(poses.status[~poses.has_pose])}{sure}; {times}"
+    )
+
+
+def _kinds(statuses: Int[np.ndarray, " frames"]) -> str:
+    kinds, counts = np.unique(statuses[statuses != Status.OK], return_counts=True)
+    notes = [f"{count} {STATUS_NAMES[kind]}" for kind, count in zip(kinds, counts, strict=True)]
+    return f" ({', '.join(notes)})" if notes else ""
 
 
 def doubt(poses: Poses, settings: Settings) -> str | None:
