@@ -16,8 +16,10 @@ _NEAR, _FASTEST = 0.4, 3.0
 _NEW = 1.0
 # Somebody who was not seen for a shorter time (s) is still here, whatever the body looks like.
 _HERE = 0.3
-# Somebody new has at least this share of the volume of the others.
+# The body of somebody who was not seen for a moment has at least this share of their volume.
 _VOLUME_SHARE = 0.3
+# Somebody has at least this share of the volume of the others, as a child of 1.05 m has a quarter of a man's.
+_SMALLEST_SHARE = 0.15
 _LEAST = 0.012  # and at least this volume (m^3)
 # Somebody who comes back is as tall as before (m).
 _AS_TALL = 0.12
@@ -86,7 +88,8 @@ def follow(
     counts = np.array([len(_people_among(frame, spacing)) for frame in bodies])
     if counts.max(initial=0) == 0:
         return [{} for _ in bodies]
-    anchor = _anchor(counts, most, 1.0 if all_are_there else _NEW * fps)
+    lasting = min(1.0 if all_are_there else _NEW * fps, len(bodies) / 2) / 2
+    anchor = _anchor(counts, most, lasting)
     whereabouts: Whereabouts = [{} for _ in bodies]
     first = _people_among(bodies[anchor], spacing)[:most]
     names = 0
@@ -99,7 +102,10 @@ def follow(
             for back, found in crowd.step(bodies[frame]):
                 whereabouts[frame - back * (1 if order.step > 0 else -1)] |= found
         names = max(names, crowd.next)
-    return whereabouts
+    longest = {number: _longest(whereabouts, number) for number in present(whereabouts).tolist()}
+    least = min(lasting, max(longest.values(), default=0))
+    ghosts = {number for number, frames in longest.items() if frames < least}
+    return [{number: voxels for number, voxels in frame.items() if number not in ghosts} for frame in whereabouts]
 
 
 def _people_among(bodies: list[Voxels], spacing: float) -> list[Voxels]:
@@ -107,21 +113,31 @@ def _people_among(bodies: list[Voxels], spacing: float) -> list[Voxels]:
     sizes = np.array([len(voxels) for voxels in bodies]) * spacing**3
     if len(sizes) == 0:
         return []
-    return [voxels for voxels, size in zip(bodies, sizes, strict=True) if size >= max(_LEAST, _VOLUME_SHARE * sizes[0])]
+    least = max(_LEAST, _SMALLEST_SHARE * sizes[0])
+    return [voxels for voxels, size in zip(bodies, sizes, strict=True) if size >= least]
 
 
 def _anchor(counts: Int[np.ndarray, " frames"], most: int, lasting: float) -> int:
     """A frame in the middle of the longest time in which as many people as possible are apart.
 
-    More bodies for a shorter time than half of `lasting` (frames), or than a quarter of a short film, are ghosts.
+    More bodies for a shorter time than `lasting` (frames) are ghosts.
     """
     for wanted in range(min(int(counts.max()), most), 0, -1):
         edges = np.flatnonzero(np.diff(np.concatenate([[0], (counts >= wanted).astype(int), [0]])))
         starts, ends = edges[::2], edges[1::2]
         longest = int(np.argmax(ends - starts))
-        if ends[longest] - starts[longest] >= min(lasting, len(counts) / 2) / 2:
+        if ends[longest] - starts[longest] >= lasting:
             return int((starts[longest] + ends[longest] - 1) // 2)
     return int(np.argmax(counts))
+
+
+def _longest(whereabouts: Whereabouts, number: int) -> int:
+    """Number of frames of the longest time in which somebody is seen without a break."""
+    longest = now = 0
+    for frame in whereabouts:
+        now = now + 1 if number in frame else 0
+        longest = max(longest, now)
+    return longest
 
 
 class _Crowd:
@@ -214,7 +230,7 @@ class _Crowd:
     def _newcomers(self, bodies: list[Voxels]) -> list[tuple[int, dict[int, Voxels]]]:
         """People who have been there for a while and are nobody known, in the frames since they came."""
         usual = np.median([person.volume for person in self.people.values()]) if self.people else 0.0
-        least = max(_LEAST / self._spacing**3, _VOLUME_SHARE * usual)
+        least = max(_LEAST / self._spacing**3, _SMALLEST_SHARE * usual)
         waiting = []
         for voxels in bodies:
             if len(voxels) < least:

@@ -94,3 +94,17 @@ def test_no_more_people_than_wanted():
 def test_nobody():
     assert follow([[], []], SPACING, FPS, MOST) == [{}, {}]
     assert present([{}, {}]).tolist() == []
+
+
+def test_a_child_beside_a_man_is_somebody():
+    child = np.argwhere(np.ones((5, 5, 22), bool))  # a quarter of the man's volume
+    frames = [[box(2 * f, 0), child + [60, 0, 0]] for f in range(40)]
+    found = follow(frames, SPACING, FPS, MOST)
+    assert [len(frame) for frame in found] == [2] * 40
+
+
+def test_bodies_that_are_elsewhere_in_every_frame_are_ghosts():
+    """As many as a person has frames in a second, but none of them goes on to the next frame."""
+    frames = [[box(0, 0)] + ([box(60 * (-1) ** f, 30 * (f % 3))] if 10 < f < 35 else []) for f in range(60)]
+    found = follow(frames, SPACING, FPS, MOST)
+    assert present(found).tolist() == [0]
