@@ -53,7 +53,9 @@ def test_the_report_draws_the_same_outlines(rig, smaller):
 
 
 def test_the_viewer_shows_each_at_its_size(smaller):
-    views = pytest.importorskip("jaxskel.visualization.viewer._views", reason="needs rerun", exc_type=ImportError)
+    pytest.importorskip("rerun", reason='needs rerun: pip install "jaxskel[view]"')
+    from jaxskel.visualization.viewer import _views as views
+
     stream = Mock(spec=views.rr.RecordingStream)
     views.log_silhouettes(stream, smaller.cameras, smaller.silhouettes[0])
     pngs = [call.args[1].blob.as_arrow_array()[0].as_py() for call in stream.log.call_args_list]
