@@ -11,7 +11,7 @@ from rich.table import Table
 from .._runtime.picture_files import write_image
 from ..io.poses import write_poses
 from ..io.recordings import write_recording
-from ..pipeline import Settings
+from ..pipeline import Settings, compile_ahead
 from ..poses import Poses, score_poses, score_table
 from ..recording import Recording, unpack_silhouettes
 from ..synthetic import camera_ring, make_scene
@@ -35,11 +35,11 @@ def demo(
     check_number("--frames", frames, 1, 10_000, "a number of frames")
     check_number("--cameras", cameras, 3, 64, "a number of cameras")
     check_output(output, _FILES)
+    rig = camera_ring(cameras)
+    compile_ahead(rig, Settings())
     progress, task = progress_bar("filming", frames)
     with progress:
-        recording = make_scene(
-            frames, cameras=camera_ring(cameras), on_frame=lambda done: progress.update(task, completed=done)
-        )
+        recording = make_scene(frames, cameras=rig, on_frame=lambda done: progress.update(task, completed=done))
     write_recording(output / "scene.npz", recording, made_by="jaxskel demo")
 
     times = StageTimes()

@@ -6,6 +6,7 @@ In: a `Recording` and `Settings`. Out: `Poses`. `observe_batch` is the front hal
 
 from ._advice import advice as advice
 from ._advice import advice_for_volumes as advice_for_volumes
+from ._ahead import compile_ahead as compile_ahead
 from ._calibrate_body import FRAMES as FRAMES
 from ._calibrate_body import STAGES as STAGES
 from ._calibrate_body import CalibratedBody as CalibratedBody

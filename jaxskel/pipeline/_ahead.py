@@ -1,11 +1,18 @@
-"""Programs that the calibration of a body and the first batch need, compiled side by side while the search begins."""
+"""Programs that the calibration of a body and the first batch need, compiled side by side while other work goes on."""
 
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from jaxtyping import Array, Float
 
 from .._runtime.batching import filled
 from .._runtime.cores import usable_cores
-from ..body import Skeleton, make_body
+from ..body import make_body
 from ..body_calibration import bundle_ahead
+from ..cameras import Cameras
+from ..matching import Limbs
+from ..outlines import RAYS, contours, silhouette_distances
 from ..refinement.terms import Observed
 from ..search import any_poses, fits_ahead, limbs_ahead, make_model
 from ._refine import refine_ahead
@@ -13,20 +20,23 @@ from ._settings import Settings
 from ._subject import THINNED
 
 
-def compile_ahead(skeleton: Skeleton, observed: Observed, settings: Settings) -> None:
-    """Begin to compile what a subject with this template needs, in threads; with one core, do nothing.
+def compile_ahead(
+    cameras: Cameras, settings: Settings, data: Mapping[str, Float[Array | np.ndarray, "frames ..."]] | None = None
+) -> None:
+    """Begin to compile what a subject with these settings needs, in threads; with one core, do nothing.
 
     Compilation uses one core for each program, and leaves Python free. The longest, the refinement, comes second,
     so that two threads end at about the same time.
 
     Args:
-        skeleton: Template (m).
-        observed: What the first frames show; only the shapes matter.
+        cameras: The rig; only the number and the kinds of cameras and the sizes of images matter.
         settings: How to reconstruct.
+        data: The recording's own data; only the shapes matter.
     """
     if settings.search is None or usable_cores() == 1:
         return
-    stack, body = filled(observed), make_body(skeleton)
+    skeleton, known = settings.average, settings.body is not None
+    stack, body = filled(_nobody(cameras, data or {})), settings.body or make_body(skeleton)
     model, poses = make_model(body, settings.search.objective), any_poses(len(stack.inner))
     threads = ThreadPoolExecutor(usable_cores())
     fits_ahead(threads, model, stack)
@@ -34,5 +44,18 @@ def compile_ahead(skeleton: Skeleton, observed: Observed, settings: Settings) ->
     if not objective.couplings:  # those are compiled for a sequence
         refine_ahead(threads, poses, stack, skeleton, objective, settings.refinement)
     limbs_ahead(threads, model, settings.search, stack)
-    bundle_ahead(threads, skeleton, poses, stack.thinned(THINNED))
+    if not known:
+        bundle_ahead(threads, skeleton, poses, stack.thinned(THINNED))
     threads.shutdown(wait=False)
+
+
+def _nobody(cameras: Cameras, data: Mapping[str, Float[Array | np.ndarray, "frames ..."]]) -> Observed:
+    """What one frame shows in which nobody is seen."""
+    width, height = cameras.size.max(0)
+    silhouettes = np.zeros((1, len(cameras), height, -(-width // 8)), np.uint8)
+    views = silhouettes, cameras, np.ones((1, len(cameras)), bool)
+    limbs = Limbs.none(1)
+    return Observed(
+        limbs.paths, limbs.found, limbs.inner, contours(*views, RAYS), silhouette_distances(*views, 0),
+        {name: array[:1] for name, array in data.items()},
+    )  # fmt: skip

@@ -67,6 +67,8 @@ def prepare(recording: Recording, settings: Settings | None = None, *, calibrate
     """
     settings = settings or Settings()
     check_given(recording, settings)
+    if calibrate:
+        compile_ahead(recording.cameras, settings, recording.data)
     prepared = with_subject(place(recording, settings), recording, settings, calibrate)
     return with_model(prepared, settings) if calibrate else prepared
 
@@ -182,7 +184,6 @@ def with_subject(
     if settings.search is None or found.outlines is None:
         return prepared
     sight = sight_of(found.outlines, found.labelled)
-    compile_ahead(skeleton, sight.observed, settings)
     known = prepared.skeleton_is_known
     if known:
         flesh = flesh_prior(skeleton)

@@ -17,6 +17,7 @@ from ..hull import body_middles
 from ..poses import Poses, Status
 from ..recording import MIN_VIEWS, Recording, find_empty_views, rotation_to_z_up, silhouette_areas
 from ..search import Track, Tracking, before_next, hurried, lost, over_gap, search_is_due
+from ._ahead import compile_ahead
 from ._better_subject import BetterSubject
 from ._coupled_batches import check_apart
 from ._moving_grid import MovingGrid, grid_around
@@ -213,6 +214,8 @@ class Stream:
             middle = _middle(silhouettes, cameras)
             if middle is None:
                 return place(frame, self._settings, at_once=1)
+            if not self._found:
+                compile_ahead(cameras, self._settings, frame.data)
             grid = None if self._settings.hull.box is not None else grid_around(middle, self._settings.hull.spacing)
             self._prepared = self._ready(place(frame, self._settings, grid, at_once=1))
         self._follow(silhouettes)

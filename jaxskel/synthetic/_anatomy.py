@@ -10,15 +10,14 @@ from ..body import JOINT_NAMES, PIVOT_NAMES, SEGMENT_NAMES, TIP_NAMES, Body, Ske
 
 # Cross sections of the trunk from seat to shoulders: segment, height as a fraction of the way from pelvis to neck,
 # shift to the front, distance of the outer balls from the middle, their radius, radius of the middle ball. Lengths are
-# fractions of the stature; breadths and depths follow tables of static anthropometry (hip breadth 0.19, waist 0.16,
-# chest 0.18, depth of the chest 0.12 of the stature).
+# fractions of the stature. Here and below they put the joints where the mean body of `adults` has them in its flesh.
 _TRUNK = (
-    ("pelvis", 0.00, -0.008, 0.040, 0.054, 0.052),
-    ("pelvis", 0.16, -0.004, 0.037, 0.053, 0.054),
-    ("chest", 0.40, 0.003, 0.033, 0.049, 0.052),
-    ("chest", 0.62, 0.002, 0.040, 0.053, 0.055),
-    ("chest", 0.80, 0.000, 0.043, 0.052, 0.055),
-    ("chest", 0.94, -0.007, 0.034, 0.035, 0.038),
+    ("pelvis", 0.00, 0.006, 0.036, 0.057, 0.060),
+    ("pelvis", 0.16, 0.015, 0.036, 0.057, 0.060),
+    ("chest", 0.40, 0.023, 0.029, 0.053, 0.056),
+    ("chest", 0.62, 0.022, 0.034, 0.058, 0.062),
+    ("chest", 0.80, 0.016, 0.041, 0.054, 0.058),
+    ("chest", 0.94, 0.003, 0.034, 0.036, 0.040),
 )
 TOE_CLEARANCE = 0.010
 """Height of the toe tips above the sole, as a fraction of the stature."""
@@ -92,10 +91,10 @@ def _arm(rest: dict[str, np.ndarray], stature: float, side: str) -> list[tuple[E
     shoulder, elbow, hand, tip = (rest[side + name] for name in ("shoulder", "elbow", "hand", "fingertip"))
     upper, lower, spine = elbow - shoulder, hand - elbow, rest["neck"] - rest["pelvis"]
     fingers = (tip - hand) / np.linalg.norm(tip - hand)
-    # Direction of the hand's front edge, where the thumb is.
+    # Direction of the hand's front edge, where the thumb is. The palm lies on the inner side of the joint.
     across = np.array([1.0, 0, 0]) - fingers * fingers[0]
     across = across / max(float(np.linalg.norm(across)), 1e-6) * stature
-    outward = np.array([0.0, _side(side), 0.0]) * stature
+    outward, front = np.array([0.0, _side(side), 0.0]) * stature, np.array([stature, 0.0, 0.0])
     wrist = rest[side + "wrist"]
     upper_arm, forearm, palm, clavicle = side + "upper_arm", side + "forearm", side + "hand", side + "clavicle"
     capsules = [
@@ -104,19 +103,20 @@ def _arm(rest: dict[str, np.ndarray], stature: float, side: str) -> list[tuple[E
         (("chest", rest["pelvis"] + 0.78 * spine + 0.048 * outward, 0.042), (clavicle, shoulder, 0.033)),
     ]
     capsules += _chain(
-        (upper_arm, shoulder, 0.0345),
-        (upper_arm, shoulder + 0.45 * upper, 0.0285),
-        (upper_arm, elbow, 0.0235),
+        (upper_arm, shoulder - 0.003 * outward, 0.0345),
+        (upper_arm, shoulder + 0.45 * upper - 0.003 * outward, 0.027),
+        (upper_arm, elbow + 0.003 * front, 0.0225),
     )
+    middle = hand - 0.006 * outward
     capsules += _chain(
-        (forearm, elbow, 0.0235), (forearm, elbow + 0.22 * lower, 0.0255), (forearm, wrist, 0.0165),
-        (palm, hand - 0.004 * across, 0.018),
+        (forearm, elbow + 0.003 * front, 0.0225), (forearm, elbow + 0.22 * lower, 0.024),
+        (forearm, wrist - 0.003 * front, 0.0165), (palm, middle - 0.006 * across, 0.016),
     )  # fmt: skip
-    for shift, short in ((0.010, 0.012), (-0.012, 0.0)):
+    for shift, short in ((0.006, 0.012), (-0.010, 0.0)):
         end = tip - (short + 0.009) * stature * fingers + shift * 0.7 * across
-        capsules.append(((palm, hand + shift * across, 0.0165), (palm, end, 0.009)))
-    thumb = wrist + 0.3 * (hand - wrist) + 0.010 * across
-    capsules.append(((palm, thumb, 0.012), (palm, hand + 0.034 * across + 0.012 * stature * fingers, 0.008)))
+        capsules.append(((palm, middle + shift * across, 0.015), (palm, end, 0.009)))
+    thumb = wrist + 0.3 * (hand - wrist) + 0.004 * across
+    capsules.append(((palm, thumb, 0.012), (palm, middle + 0.016 * across + 0.012 * stature * fingers, 0.008)))
     return capsules
 
 
@@ -125,20 +125,23 @@ def _leg(rest: dict[str, np.ndarray], stature: float, side: str) -> list[tuple[E
     ankle = rest[side + "ankle"]
     thigh, shank = side + "thigh", side + "shank"
     outward = np.array([0.0, _side(side), 0.0]) * stature
-    back = np.array([-1.0, 0.0, 0.0]) * stature
+    front = np.array([stature, 0.0, 0.0])
     along, down = knee - hip, ankle - knee
+    calf = 0.005 * outward - 0.012 * front
     return [
         # The buttock and the outside of the hip bridge the joint.
         (
-            ("pelvis", hip + 0.012 * back - 0.008 * outward, 0.055),
-            (thigh, hip + 0.22 * along + 0.004 * back, 0.051),
+            ("pelvis", hip - 0.002 * front - 0.018 * outward, 0.058),
+            (thigh, hip + 0.22 * along + 0.010 * front - 0.010 * outward, 0.054),
         ),
         *_chain(
-            (thigh, hip + 0.002 * outward, 0.053), (thigh, hip + 0.45 * along, 0.046), (thigh, knee, 0.0315)
+            (thigh, hip + 0.006 * front - 0.010 * outward, 0.053),
+            (thigh, hip + 0.45 * along + 0.008 * front - 0.007 * outward, 0.047),
+            (thigh, knee, 0.0315),
         ),
         *_chain(
-            (shank, knee, 0.0315), (shank, knee + 0.28 * down + 0.006 * back, 0.0325),
-            (shank, knee + 0.65 * down, 0.024), (shank, ankle, 0.0195),
+            (shank, knee, 0.0315), (shank, knee + 0.28 * down + calf, 0.034),
+            (shank, knee + 0.65 * down + calf, 0.024), (shank, ankle + 0.5 * calf, 0.0195),
         ),
     ]  # fmt: skip
 
@@ -160,10 +163,10 @@ def _foot(rest: dict[str, np.ndarray], stature: float, side: str) -> list[tuple[
     def on_sole(point: np.ndarray, radius: float) -> End:
         return foot, np.array([point[0], point[1], sole + radius * stature]), radius
 
-    heel = on_sole(ball - 0.092 * stature * forward, 0.020)
-    inner, outer = on_sole(ball - 0.009 * across, 0.0165), on_sole(ball + 0.013 * across, 0.0145)
-    big_toe = on_sole(tip - 0.011 * stature * forward - 0.006 * across, 0.0105)
-    small_toes = on_sole(tip - 0.020 * stature * forward + 0.015 * across, 0.009)
+    heel = on_sole(ankle - 0.021 * stature * forward, 0.018)
+    inner, outer = on_sole(ball - 0.010 * across, 0.0145), on_sole(ball + 0.001 * across, 0.0125)
+    big_toe = on_sole(tip - 0.011 * stature * forward - 0.013 * across, 0.0105)
+    small_toes = on_sole(tip - 0.020 * stature * forward + 0.003 * across, 0.009)
     return [
         ((foot, ankle, 0.0195), heel), ((foot, ankle, 0.0195), inner), (heel, inner), (heel, outer),
         (inner, big_toe), (outer, small_toes),

@@ -115,7 +115,7 @@ def test_feet_stay_on_the_floor(adult, motion):
     ends, radii = place_body(detailed_body(adult), motion)
     np.testing.assert_allclose((ends[..., 2] - radii).min((1, 2)), 0.0, atol=1e-6)
     balls = np.asarray(place_joints(adult, motion)[0])[:, [AT["l_foot"], AT["r_foot"]]]
-    assert balls[..., 2].min(1).max() < 0.06
+    assert balls[..., 2].min(1).max() < 0.065  # in the crouch, on the inner edges of splayed feet
     # A foot that carries the body does not slide but for the turn on the spot.
     standing = balls[:58]
     for foot in range(2):
