@@ -53,7 +53,7 @@ def test_refilled_outlines_are_the_silhouettes(size):
     for frame in (0, len(scene) - 1):
         for view, mask in enumerate(unpack_silhouettes(scene.silhouettes[frame], size[0])):
             drawn, true = refilled(mask)
-            assert (drawn & true).sum() / (drawn | true).sum() >= 0.99, (frame, view)
+            assert (drawn & true).sum() / (drawn | true).sum() > 0.985, (frame, view)
 
 
 def test_a_hole_stays_a_hole_and_a_speck_below_a_pixel_of_the_display_is_left_out():
