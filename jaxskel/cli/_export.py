@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from ..body import BODY_25, BODY_25B, COCO_17, H36M_17, HALPE_26, HUMAN_15, KeypointSet
+from ..body import HUMAN_15, KeypointSet
 from ..io.poses import (
     read_people_poses,
     with_up,
@@ -24,6 +24,7 @@ from ..io.poses import (
 )
 from ..poses import Poses
 from ..recording import UP_AXES
+from ._keypoints import KEYPOINT_SETS, named_keypoints
 from ._outputs import check_output_file
 from ._poseless import end_without_pose
 from ._say import say
@@ -41,7 +42,6 @@ _KINDS = {
 _DEVIATIONS = ".sigma.trc"
 # Names with this end are tables of joint angles.
 _ANGLES = "angles.csv"
-_KEYPOINT_SETS = {each.name: each for each in (COCO_17, BODY_25, BODY_25B, HALPE_26, H36M_17)}
 
 
 def export(
@@ -70,7 +70,7 @@ def export(
         str | None,
         typer.Option(
             metavar="SET",
-            help=f"Keypoints instead of joints and tips, in a .trc, .c3d or .csv: {', '.join(_KEYPOINT_SETS)}.",
+            help=f"Keypoints instead of joints and tips, in a .trc, .c3d or .csv: {', '.join(KEYPOINT_SETS)}.",
         ),
     ] = None,
 ) -> None:
@@ -130,13 +130,12 @@ def _check_exportable(poses: Path, outputs: list[Path], found: Poses, keypoint_s
 
 
 def _keypoint_set(name: str, outputs: list[Path]) -> KeypointSet:
-    if name not in _KEYPOINT_SETS:
-        raise ValueError(f"--keypoints {name}: give one of {', '.join(_KEYPOINT_SETS)}")
+    found = named_keypoints(name)
     for output in outputs:
         other = output.name.lower().endswith((_DEVIATIONS, _ANGLES))
         if other or output.suffix.lower() not in (".trc", ".c3d", ".csv"):
             raise ValueError(f"--keypoints {name}: {output} cannot hold them; write it by itself, without --keypoints")
-    return _KEYPOINT_SETS[name]
+    return found
 
 
 def _is_angles(output: Path) -> bool:

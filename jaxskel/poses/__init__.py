@@ -7,6 +7,7 @@ from . import metrics as metrics
 from ._joint_angles import ANGLE_NAMES as ANGLE_NAMES
 from ._joint_angles import JointAngles as JointAngles
 from ._joint_angles import joint_angles as joint_angles
+from ._marker_scores import score_markers as score_markers
 from ._people_scores import PeopleScore as PeopleScore
 from ._people_scores import score_people as score_people
 from ._poses import STATUS_NAMES as STATUS_NAMES

@@ -21,6 +21,8 @@ from ..body import HUMAN_15, JOINT_NAMES, SkeletonTemplate
 from ._poses import Poses
 
 # In the order of Table 1, which lacks the head.
+LimbPairs = list[tuple[list[int], list[int], list[bool]]]
+
 LIMBS = ("r_foot", "l_foot", "r_hand", "l_hand", "head")
 """Joints that are counted by themselves, where a template has them."""
 CURVE_THRESHOLDS_MM = tuple(range(0, 201, 5))
@@ -136,7 +138,8 @@ def score(
     given, count = (poses_joints.shape[1], truth_joints.shape[1]), len(template.joint_names)
     if given != (count, count):
         raise ValueError(f"score: {given[0]} and {given[1]} joints, but {template.name} has {count}; give its template")
-    return _score(poses_joints, truth_joints, has_pose, threshold, template, template.joint_names, ())
+    pairs = limb_pairs(template, template.joint_names)
+    return scored(poses_joints, truth_joints, has_pose, threshold, pairs, template.joint_names, ())
 
 
 def score_poses(
@@ -163,26 +166,27 @@ def score_poses(
             f"score: no joint of the poses ({', '.join(ours)}) has the name of one of the truth ({', '.join(theirs)}); "
             "give both the same names"
         )
-    return _score(
+    return scored(
         poses.joints[:, [ours.index(name) for name in names]],
         truth_joints[:, [theirs.index(name) for name in names]],
         poses.has_pose,
         threshold,
-        poses.template,
+        limb_pairs(poses.template, names),
         names,
         tuple(name for name in ours + theirs if (name in ours) != (name in theirs)),
     )
 
 
-def _score(
+def scored(
     poses_joints: Float[np.ndarray, "frames joints 3"],
     truth_joints: Float[np.ndarray, "truth_frames joints 3"],
     has_pose: Shaped[np.ndarray, " flags"] | None,
     threshold: float,
-    template: SkeletonTemplate,
+    pairs: LimbPairs,
     names: tuple[str, ...],
     left_out: tuple[str, ...],
 ) -> Score:
+    """The score of points of any names; the other arguments are as for `score`, or fields of the result."""
     if len(truth_joints) != len(poses_joints) or (has_pose is not None and len(has_pose) != len(poses_joints)):
         raise ValueError(
             f"score: {len(poses_joints)} frames of poses but {len(truth_joints)} of truth"
@@ -195,18 +199,17 @@ def _score(
     if not known.any():
         raise ValueError("score: no frame has a known truth; give at least one")
     poses, truth = np.asarray(poses_joints, np.float64)[known], np.asarray(truth_joints, np.float64)[known]
-    present = np.isfinite(poses).all(axis=(1, 2)) if has_pose is None else np.asarray(has_pose, bool)[known]
-    present = np.asarray(present)
+    present = np.asarray(np.isfinite(poses).all(axis=(1, 2)) if has_pose is None else has_pose[known], bool)
     distances = _distances(poses, truth, present)
     forgiven = distances.copy()
-    for group, others, ends in _limb_pairs(template, names):
+    for group, others, ends in pairs:
         exchanged = _distances(poses[:, others], truth[:, group], present)
         better = exchanged[:, ends].sum(axis=1) < distances[:, group][:, ends].sum(axis=1)
         forgiven[np.ix_(better, group)] = exchanged[better]
     return Score(distances, forgiven, present, float(threshold), int((~known).sum()), names, left_out)
 
 
-def _limb_pairs(template: SkeletonTemplate, names: tuple[str, ...]) -> list[tuple[list[int], list[int], list[bool]]]:
+def limb_pairs(template: SkeletonTemplate, names: tuple[str, ...]) -> LimbPairs:
     """For each pair of limbs: its joints among the names, those on the other side, and whether they are its ends."""
     parents, mirror = template.joint_parents, template.mirror_joints.tolist()
     at = {joint: names.index(name) for joint, name in enumerate(template.joint_names) if name in names}

@@ -1,6 +1,7 @@
 """`jaxskel export`, as its users run it."""
 
 import csv
+import json
 import sys
 from dataclasses import replace
 from unittest.mock import patch
@@ -131,3 +132,36 @@ def test_a_missing_package_is_named(folder):
         done = jaxskel("export", "poses.npz", "e.c3d", cwd=folder)
     assert done.returncode == 2
     assert 'pip install "jaxskel[export]"' in done.stderr
+
+
+@pytest.mark.parametrize("keypoints", [(), ("--keypoints", "BODY_25")])
+@pytest.mark.parametrize("first", [0, 1])
+def test_what_was_exported_can_be_evaluated(folder, keypoints, first):
+    """Frames of other programs count from one."""
+    truth = folder / f"truth{first}{len(keypoints)}.trc"
+    assert jaxskel("export", "poses.npz", truth.name, *keypoints, "--millimetres", cwd=folder).returncode == 0
+    header, rows = truth.read_text().splitlines()[:5], truth.read_text().splitlines()[6:]
+    counted = ["\t".join([str(number + first), *row.split("\t")[1:]]) for number, row in enumerate(rows)]
+    truth.write_text("\n".join([*header, "", *counted, ""]))
+    done = jaxskel("evaluate", "poses.npz", truth.name, *keypoints, "-o", "score", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    figures = json.loads((folder / "score" / "score.json").read_text())
+    assert figures["frames"] == 8
+    assert figures["frames_without_truth"] == 2
+    assert figures["sides_counted"]["median_mm"] < 0.01
+    assert figures["sides_counted"]["all_joints_correct_percent"] == 100
+    assert ("its frame 1 is taken for frame 0" in done.stdout) == bool(first)
+
+
+def test_markers_to_evaluate_are_refused_in_one_line(folder):
+    assert jaxskel("export", "poses.npz", "c.trc", "--keypoints", "COCO_17", cwd=folder).returncode == 0
+    for truth, arguments, said in (
+        ("c.trc", (), "c.trc: score: no marker (LShoulder, "),
+        ("c.trc", ("--keypoints", "COCO"), "--keypoints COCO: give one of COCO_17"),
+        ("poses.npz", ("--keypoints", "COCO_17"), "poses.npz: --keypoints and --up are for a .trc; leave them out"),
+        ("c.trc", ("--up", "Y"), "up"),
+    ):
+        done = jaxskel("evaluate", "poses.npz", truth, *arguments, cwd=folder)
+        assert done.returncode == 2
+        assert said in done.stderr
+        assert len(done.stderr.strip().splitlines()) == 1

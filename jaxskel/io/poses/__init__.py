@@ -11,6 +11,7 @@ from ._c3d import write_c3d as write_c3d
 from ._journal import JOURNAL_FILE as JOURNAL_FILE
 from ._journal import PosesJournal as PosesJournal
 from ._markers import Markers as Markers
+from ._markers import turn_up as turn_up
 from ._markers import with_up as with_up
 from ._mot import write_angles as write_angles
 from ._mot import write_mot as write_mot
