@@ -50,7 +50,8 @@ def test_a_known_skeleton_is_kept(stout_and_found):
     np.testing.assert_allclose(found.skeleton.rest_tips, ADULT.rest_tips, atol=1e-4)
 
 
-def test_what_is_compiled_ahead_is_all_that_takes_long(monkeypatch):
+@pytest.mark.parametrize("known", [False, True])
+def test_what_is_compiled_ahead_is_all_that_takes_long(monkeypatch, known):
     """Fits, proposals of limbs, adjustments and the refinement are compiled ahead, and nothing is in vain."""
     begun, called = set(), set()
 
@@ -69,9 +70,9 @@ def test_what_is_compiled_ahead_is_all_that_takes_long(monkeypatch):
     monkeypatch.setattr(CachedJit, "__call__", call)
     monkeypatch.setattr(CachedJit, "ahead", ahead)
     monkeypatch.setattr("jaxskel.pipeline._ahead.usable_cores", lambda: 2)
-    recording, settings = film(BODY), Settings(hull=HullSettings(max_misses=0))
+    recording, settings = film(BODY), Settings(hull=HullSettings(max_misses=0), body=BODY if known else None)
     reconstruct_batch(recording, prepare(recording, settings), settings)
-    long = {"_fitted", "with_pairs", "with_single", "linearised", "_turned", "_refined"}
+    long = {"_fitted", "with_pairs", "with_single", "_refined"} | (set() if known else {"linearised", "_turned"})
     assert {name for name, _ in begun} == long
     assert begun <= called
     # Legs are searched for in doubtful frames only.
