@@ -19,7 +19,7 @@ from ._overlays import draw_silhouette, tile
 from ._skeleton_style import MIDDLE, colours_of, drawn_joint_bones, node_labels
 
 # 25 degrees off the front shows depth and hides no limb.
-_ASIDE = 25.0
+_ASIDE = -10.0
 
 
 class Stages(eqx.Module):
