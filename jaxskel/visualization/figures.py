@@ -18,7 +18,7 @@ from ..recording import Recording, unpack_silhouettes
 from ._overlays import draw_silhouette, tile
 from ._skeleton_style import MIDDLE, colours_of, drawn_joint_bones, node_labels
 
-# 25 degrees off the front shows depth and hides no limb.
+# Ten degrees off the front show depth; from 25 on the other side, the shanks of the demo hid each other.
 _ASIDE = -10.0
 
 
