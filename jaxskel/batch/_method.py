@@ -43,11 +43,23 @@ class Method:
         """
         if person is None:
             return self._completed(source, read_recording(source, up=up))
+        return self.read_people(source)[person]
+
+    def read_people(self, source: Path) -> dict[str, Recording]:
+        """Read the recordings of people who have masks of their own, with what others hide, by name.
+
+        Raises:
+            ValueError: A subject is given; or as `jaxskel.io.read_people` raises it.
+        """
+        self.check_no_subject(source)
+        return {name: self._completed(source, one) for name, one in hide_others(read_people(source)).items()}
+
+    def check_no_subject(self, source: Path) -> None:
+        """Refuse a subject, because a recording is of several people."""
         if self.subject is not None:
             raise ValueError(
                 f"{source}: has several people, but --subject {self.subject} is one; name it in recording.toml"
             )
-        return self._completed(source, hide_others(read_people(source))[person])
 
     def read_volumes(self, source: Path, up: str | None = None) -> Volumes:
         """Read volumes, with the subject if one is given; `up` as for `read_volumes`."""

@@ -7,8 +7,8 @@ import typer
 
 from ..batch import Method
 from ..io.poses import tables_of, write_people_archive, write_table
-from ..io.recordings import holds_people, read_people
-from ..people import MOST_PEOPLE, hide_others, tell_people_apart
+from ..io.recordings import holds_people
+from ..people import MOST_PEOPLE, tell_people_apart
 from ..pipeline import Settings
 from ..poses import Poses, smooth
 from ..recording import Recording
@@ -50,8 +50,7 @@ def run_people(
     Raises:
         ValueError: One line that names the file and how to mend it.
     """
-    if method.subject is not None:
-        raise ValueError(f"--subject {method.subject}: is one person, but there are several; name it in recording.toml")
+    method.check_no_subject(source)
     inputs = [*files_of(source), *others]
     check_output(output, ("poses.npz",), inputs)
     found = _people_in(source, method, people)
@@ -86,7 +85,7 @@ def run_people(
 def _people_in(source: Path, method: Method, people: str | None) -> dict[str, Recording]:
     """The recording of each person, told apart by masks or by the bodies of the hull."""
     if holds_people(source):
-        return hide_others(read_people(source))
+        return method.read_people(source)
     recording = method.read(source)
     progress, task = progress_bar("telling people apart", len(recording))
     with progress:

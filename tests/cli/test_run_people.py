@@ -112,7 +112,8 @@ def test_scores_and_files_of_each(done, folder):
         (("blobs.npz", "--people", "9"), "--people 9: give a number from 1 to 8, or all"),
         (("blobs.npz", "--people", "two"), "--people two: give a number from 1 to 8, or all"),
         (("room.npz", "--people", "2"), "--people: is for masks that show everybody; room.npz has masks of each"),
-        (("room.npz", "--subject", "anna.toml"), "anna.toml: is one person, but there are several"),
+        (("room.npz", "--subject", "anna.toml"), "has several people, but --subject anna.toml is one"),
+        (("room.npz", "--smooth", "400"), "room.npz: a cutoff of 400 Hz; give one between 0 and"),
         (("room.npz", "--data", "data.npz"), "--data: is of one person, but there are several"),
     ],
 )
