@@ -13,6 +13,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 from ..._runtime.kinds import check_number, told
 from ...body import HUMAN_15, Body, Pose, Skeleton, SkeletonTemplate, place_segments
 from ...outlines import Contours, SilhouetteDistances
+from ._definitions import as_first_defined
 
 
 class PlacedBody(eqx.Module):
@@ -97,10 +98,13 @@ def number_if_any(value: Any) -> Float[Array, "..."] | None:
     return None if value is None else number(value)
 
 
-def _with_arrays(terms: dict[str, Any]) -> dict[str, Any]:
-    """Terms with arrays in place of Python floats: with other values, nothing is compiled again."""
+def _compiled_once(terms: dict[str, Any]) -> dict[str, Any]:
+    """Terms with arrays in place of Python floats, of the first class that is defined alike.
+
+    With other numbers, or after a notebook's cell has been run again, nothing is compiled again.
+    """
     return {
-        name: jax.tree.map(lambda leaf: number(leaf) if isinstance(leaf, float) else leaf, term)
+        name: jax.tree.map(lambda leaf: number(leaf) if isinstance(leaf, float) else leaf, as_first_defined(term))
         for name, term in terms.items()
     }
 
@@ -188,7 +192,7 @@ class AbstractCoupling(eqx.Module):
 class Objective(eqx.Module):
     """A named collection of weighted terms. New weights or data of the same shapes do not compile again."""
 
-    terms: dict[str, AbstractTerm | AbstractCoupling] = eqx.field(converter=_with_arrays)
+    terms: dict[str, AbstractTerm | AbstractCoupling] = eqx.field(converter=_compiled_once)
 
     def __check_init__(self):
         """Reject what is no term."""
