@@ -55,7 +55,11 @@ class Method:
         return {name: self._completed(source, one) for name, one in hide_others(read_people(source)).items()}
 
     def check_no_subject(self, source: Path) -> None:
-        """Refuse a subject, because a recording is of several people."""
+        """Refuse a subject, because a recording is of several people.
+
+        Raises:
+            ValueError: One line: a subject is given.
+        """
         if self.subject is not None:
             raise ValueError(
                 f"{source}: has several people, but --subject {self.subject} is one; name it in recording.toml"
