@@ -53,6 +53,7 @@ def _first_defined(kind: type) -> type:
         return kind
     if before != definition:  # an outer variable has changed, so what was compiled for it is of either value
         _first.pop(before, None)
+        _definitions[kind] = None  # for good, also if the variable gets its first value back
         return kind
     return _first.setdefault(definition, kind)
 
