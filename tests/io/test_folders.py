@@ -9,7 +9,8 @@ from support.recording_folders import FRAMES, SIZE, a_recording, write_folder
 from jaxskel import default_adult, make_cameras
 from jaxskel.cameras import ImageChange, project
 from jaxskel.io.calibrations import write_calibration, write_pose2sim_calibration
-from jaxskel.io.recordings import read_recording
+from jaxskel.io.proposals import propose_recording
+from jaxskel.io.recordings import read_recording, write_recording
 from jaxskel.io.subjects import write_subject
 
 
@@ -183,6 +184,16 @@ def test_what_is_wrong_is_named_in_one_line(tmp_path, wrong, right, told):
 def test_a_folder_without_the_file_says_what_writes_it(tmp_path):
     with pytest.raises(ValueError, match="jaxskel init"):
         read_recording(tmp_path)
+
+
+def test_a_folder_with_a_sequence_file_instead_says_to_give_that(tmp_path):
+    file = tmp_path / "walk.npz"
+    write_recording(file, a_recording())
+    np.savez(tmp_path / "cameras.npz", K=np.eye(3))
+    with pytest.raises(ValueError, match=re.escape(f"holds no recording.toml; give {file}")):
+        read_recording(tmp_path)
+    with pytest.raises(ValueError, match=re.escape(f"{file} is a recording by itself")):
+        propose_recording(tmp_path)
 
 
 def test_calibration_of_a_sequence_file_will_do_too(tmp_path):

@@ -50,8 +50,8 @@ def test_frames_that_nobody_had_time_for_are_counted(tmp_path):
     numbers = [frame.number for frame in frames]
     assert len(frames) <= 13  # 24 frames take 1 s, in which there is time for five; some wait at the end
     assert numbers[-1] + 1 - len(frames) >= 8
-    for frame in frames:
-        assert [shown(frame.silhouettes, camera) for camera in range(3)] == pytest.approx([frame.number] * 3, abs=1)
+    for frame in frames:  # numbers that did not count the lost ones would be 8 behind; a busy machine may be 3 behind
+        assert [shown(frame.silhouettes, camera) for camera in range(3)] == pytest.approx([frame.number] * 3, abs=3)
 
 
 def test_a_camera_that_ends_is_a_black_view_and_is_told(tmp_path):

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..calibrations import Contents, contents_of
 from ..files import fault, quoted
-from ..recordings import RECORDING_FILE, SUBJECT_FILE, open_frames
+from ..recordings import RECORDING_FILE, SUBJECT_FILE, open_frames, sequence_files
 from ..views import VIDEO_SUFFIXES, Frames, is_image, rule_of
 from ._matched_names import Match, match_names
 from ._other_layouts import all_in_one, folder_of_each_frame
@@ -168,7 +168,7 @@ def _views(folder: Path, pattern: str | None, cameras: list[str]) -> tuple[ViewS
     ]
     if not fitting:
         told = next(iter(of_frames.values()), None) or all_in_one(folder, cameras)
-        raise fault(folder, None, told or _nothing(sets, cameras))
+        raise fault(folder, None, told or _nothing(folder, sets, cameras))
     # In order of certainty: names match cameras one-to-one; then what the images show; then what the names of the sets
     # suggest, which always leaves at least one set.
     shown = {id(found): _shows_masks(folder, found) for found, _ in fitting} if len(fitting) > 1 else {}
@@ -199,8 +199,10 @@ def _matched(found: ViewSet, cameras: list[str]) -> Match | None:
         return None
 
 
-def _nothing(sets: list[ViewSet], cameras: list[str]) -> str:
+def _nothing(folder: Path, sets: list[ViewSet], cameras: list[str]) -> str:
     """Why no set of views is usable."""
+    if not sets and (files := sequence_files(folder)):
+        return f"holds {_listed(sets)}; {files[0]} is a recording by itself: give it to `jaxskel run`"
     if len(sets) == 1:
         try:
             match_names(list(sets[0].sources), cameras)

@@ -13,7 +13,6 @@ from ._folders import SUBJECT_FILE as SUBJECT_FILE
 from ._folders import described_recording as described_recording
 from ._folders import described_span as described_span
 from ._folders import described_views as described_views
-from ._inputs import holds_silhouettes as holds_silhouettes
 from ._inputs import input_paths as input_paths
 from ._people import holds_people as holds_people
 from ._people import names_of_people as names_of_people
@@ -30,6 +29,8 @@ from ._sequence_file import skeleton_of as skeleton_of
 from ._sequence_file import truth as truth
 from ._sequence_file import write_people as write_people
 from ._sequence_file import write_recording as write_recording
+from ._sequence_files import holds_silhouettes as holds_silhouettes
+from ._sequence_files import sequence_files as sequence_files
 from ._template import TEMPLATE_KEYS as TEMPLATE_KEYS
 from ._template import check_names as check_names
 from ._template import template_arrays as template_arrays

@@ -58,6 +58,7 @@ from ..files import check_known, fault, named_path, read_toml
 from ..subjects import read_subject
 from ..views import Frames, View, ViewSilhouettes
 from ._changed_images import calibrated_size, missing_sizes, read_change
+from ._sequence_files import sequence_files
 from ._view_table import number, rate, read_view, text
 
 RECORDING_FILE = "recording.toml"
@@ -83,7 +84,9 @@ def read_folder(folder: Path, in_memory: int) -> Recording:
     """
     path = folder / RECORDING_FILE
     if not path.exists():
-        raise fault(folder, None, f"holds no {RECORDING_FILE}; `jaxskel init {folder}` writes one")
+        files = sequence_files(folder)
+        mend = f"give {files[0]}" if files else f"`jaxskel init {folder}` writes one"
+        raise fault(folder, None, f"holds no {RECORDING_FILE}; {mend}")
     table = read_table(path)
     if "people" in table:
         raise fault(path, "people", "are several; read them with read_people, or take `jaxskel run`")

@@ -6,20 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from ..calibrations import beside
-from ..files import MOST_BYTES, keys_of, parse_toml, read_bounded
+from ..files import MOST_BYTES, parse_toml, read_bounded
 from ._folders import PERSON_PLACE, RECORDING_FILE, SUBJECT_FILE
-from ._sequence_file import SILHOUETTES_OF
 from ._view_table import place_of
 
 _VIEW_KEYS = ("masks", "images", "plate")
-
-
-def holds_silhouettes(path: Path) -> bool:
-    """Whether an `.npz` file is a sequence file, of one person or several, or too damaged to tell."""
-    try:
-        return any(key == "silhouettes" or key.startswith(SILHOUETTES_OF) for key in keys_of(path))
-    except ValueError:
-        return True
 
 
 def input_paths(recording: Path) -> dict[str, Path]:
