@@ -22,6 +22,7 @@ from ..body import (
     Pose,
     Prior,
     Shape,
+    Skeleton,
     all_distances,
     capsule_ends,
     limb_capsules,
@@ -42,6 +43,8 @@ _FRAMES = 32
 _LITRES = 3.0
 # Standard deviation of where it is and how thick it is (m), before the adjustment.
 _ROUGHLY = 0.03
+# A backpack of 25 l on the back of a person of this stature (m): ends of the left half, and radius.
+_STATURE, _BACKPACK, _RADIUS = 1.7, ((-0.18, 0.07, 0.38), (-0.18, 0.07, 0.12)), 0.11
 
 
 class Luggage(NamedTuple):
@@ -53,6 +56,12 @@ class Luggage(NamedTuple):
 
     ends: Float[np.ndarray, "ends=2 3"]
     radius: float
+
+
+def usual_backpack(skeleton: Skeleton) -> Luggage:
+    """A backpack as large as usual for a person of this size, to start from where none was found."""
+    size = skeleton.stature / _STATURE
+    return Luggage(size * np.array(_BACKPACK), size * _RADIUS)
 
 
 def find_luggage(body: Body, poses: Pose, observed: Observed, frames: Int[np.ndarray, " used"]) -> Luggage | None:

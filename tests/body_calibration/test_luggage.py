@@ -6,8 +6,7 @@ from support.capsule_films import ADULT, BODY, film_body, some
 
 from jaxskel._runtime.batching import on_device
 from jaxskel.body import BALL_NAMES, Body, measured_body, people_prior
-from jaxskel.body_calibration import carrying, find_luggage, prior_with_luggage
-from jaxskel.body_calibration._luggage import Luggage
+from jaxskel.body_calibration import Luggage, carrying, find_luggage, prior_with_luggage, usual_backpack
 from jaxskel.synthetic import demo_motion
 
 pytestmark = pytest.mark.slow
@@ -59,6 +58,14 @@ def test_a_shape_with_luggage_has_it_on_both_sides():
     np.testing.assert_allclose(body.radii[BAG], 0.12, atol=1e-6)
     others = np.setdiff1d(np.arange(len(BALL_NAMES)), BAG)
     np.testing.assert_array_equal(body.offsets[others], before.offsets[others])
+
+
+def test_the_usual_backpack_is_on_the_back_and_as_large_as_the_person():
+    usual, half = usual_backpack(ADULT), usual_backpack(ADULT.scaled(0.5))
+    assert (usual.ends[:, 0] < 0).all()
+    assert usual.ends[0, 2] > usual.ends[1, 2]
+    np.testing.assert_allclose(half.ends, usual.ends / 2)
+    assert half.radius == pytest.approx(usual.radius / 2)
 
 
 def test_a_prior_with_luggage_differs_in_nothing_else():

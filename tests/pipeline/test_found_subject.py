@@ -12,6 +12,7 @@ from support.capsule_films import ADULT, BODY, some
 from jaxskel import HullSettings, Prepared, Recording, Settings, default_adult, make_body, prepare
 from jaxskel._runtime.compile_cache import CachedJit, _plain
 from jaxskel.body import BALL_NAMES, Body, flesh_prior, lengths_of, measured_body, place_body
+from jaxskel.body_calibration import usual_backpack
 from jaxskel.pipeline import reconstruct_batch
 from jaxskel.synthetic import camera_ring, demo_motion, render
 
@@ -21,6 +22,7 @@ pytestmark = pytest.mark.slow
 FRAMES = [7, 18, 35, 43, 50, 55]
 # Somebody in thick clothes is searched for a dozen times.
 FEW = [7, 43]
+BAG = [BALL_NAMES.index(f"{side}_bag_{end}") for side in "lr" for end in ("top", "low")]
 LIMBS = [i for i, name in enumerate(BALL_NAMES) if name[2:] in ("elbow", "forearm", "knee", "calf")]
 
 
@@ -88,14 +90,21 @@ def test_left_mirrors_right(stout_and_found):
             np.testing.assert_allclose(found.offsets[other], found.offsets[ball] * [1, -1, 1], atol=1e-5)
 
 
-@pytest.fixture(scope="module")
-def in_thick_clothes() -> Prepared:
-    """What `prepare` finds of an unknown adult, whose trunk and limbs are 4 cm thicker than they should be."""
+def in_a_coat() -> Body:
+    """An adult whose trunk and limbs are 4 cm thicker than they should be."""
     parts = ("chest", "waist", "seat", "girdle", "shoulder", "elbow", "forearm", "hip", "knee", "calf")
     worn = np.array([name.removeprefix("l_").removeprefix("r_") in parts for name in BALL_NAMES])
-    clothed = Body(ADULT, BODY.segments, BODY.offsets, np.asarray(BODY.radii) + np.where(worn, 0.04, 0.0), BODY.links)
-    recording = replace(film(clothed, FEW), skeleton=None)
-    return prepare(recording, Settings(hull=HullSettings(max_misses=0)))
+    return Body(ADULT, BODY.segments, BODY.offsets, np.asarray(BODY.radii) + np.where(worn, 0.04, 0.0), BODY.links)
+
+
+def found_in(body: Body) -> Prepared:
+    """What `prepare` finds of a body whose dimensions are unknown."""
+    return prepare(replace(film(body, FEW), skeleton=None), Settings(hull=HullSettings(max_misses=0)))
+
+
+@pytest.fixture(scope="module")
+def in_thick_clothes() -> Prepared:
+    return found_in(in_a_coat())
 
 
 def test_thick_clothes_do_not_make_a_person_tall(in_thick_clothes):
@@ -104,6 +113,19 @@ def test_thick_clothes_do_not_make_a_person_tall(in_thick_clothes):
 
 def test_it_is_told_that_something_is_worn(in_thick_clothes):
     assert 0.02 < in_thick_clothes.clothes < 0.06
+
+
+def test_a_backpack_that_a_coat_hides_is_tried(in_thick_clothes, monkeypatch):
+    """Also where the hull behind the body in its thick coat shows none."""
+    coat = in_a_coat()
+    luggage, offsets, radii = usual_backpack(ADULT), np.array(coat.offsets), np.array(coat.radii)
+    offsets[BAG] = np.concatenate([luggage.ends, luggage.ends * [1, -1, 1]])
+    radii[BAG] = luggage.radius
+    monkeypatch.setattr("jaxskel.pipeline._subject.find_luggage", lambda *_: None)
+    found = found_in(Body(ADULT, coat.segments, offsets, radii, coat.links))
+    np.testing.assert_allclose(found.body.radii[BAG], luggage.radius, atol=0.04)
+    assert found.skeleton.stature == pytest.approx(ADULT.stature, rel=0.03)
+    assert np.asarray(in_thick_clothes.body.radii)[BAG].max() < 0.03
 
 
 def test_the_prior_of_flesh_keeps_lengths_and_grows_with_the_body():
