@@ -129,11 +129,13 @@ def find_subject(
         subject = _of_other_sizes_and_clothes(given, shape, found, sizes, on_stage)
     # Also where the template fits: with three cameras, arms explained the whole of a backpack (`crowd_40` in clothes).
     luggage = find_luggage(subject.body, subject.poses, given.stack, np.flatnonzero(subject.used))
+    usual, loaded = prior(subject.body.skeleton.stature).mean, []
     if luggage is not None:
-        subject = _with_luggage(given, subject, luggage, on_stage)
+        loaded += [_carrying(given, start, luggage, on_stage) for start in (subject.shape, usual)]
     if subject.clothes >= _HIDES_A_BAG:
-        subject = _with_luggage(given, subject, usual_backpack(subject.body.skeleton), on_stage)
-    return subject
+        loaded.append(_carrying(given, usual, usual_backpack(subject.body.skeleton), on_stage))
+    best = min(loaded, key=_cost, default=subject)
+    return best if _cost(best) < _WITH_LUGGAGE * _cost(subject) else subject
 
 
 def _cost(subject: Subject) -> float:
@@ -189,17 +191,15 @@ def _of_other_sizes_and_clothes(
     return min(subjects, key=_cost)
 
 
-def _with_luggage(given: _Given, subject: Subject, luggage: Luggage, on_stage: Callable[[str], None]) -> Subject:
-    """The subject with luggage if that is clearly better; otherwise as it is.
+def _carrying(given: _Given, start: Shape, luggage: Luggage, on_stage: Callable[[str], None]) -> Subject:
+    """The subject with luggage, adjusted from a shape without it.
 
-    It starts from the body that a person of this stature usually has: what was found without luggage may hold it in
-    its chest (`crowd_36`, seed 4 of the clothes: joints 33 mm off from there, and 12 mm from the usual body).
+    The shape that was found without luggage may hold it in its chest, so the usual one is another start: joints of
+    `crowd_36` (seed 4 of the clothes) are 33 mm off from the former, and 12 mm from the latter.
     """
-    usual = given.prior(subject.body.skeleton.stature).mean
-    shape = carrying(usual, measured_body(given.template, usual), luggage)
+    shape = carrying(start, measured_body(given.template, start), luggage)
     loaded = given._replace(prior=lambda stature: prior_with_luggage(given.prior(stature), shape))
-    other = _settled(loaded, shape, loaded.poses_of(shape, np.arange(len(given.sight.middles))), on_stage)
-    return other if _cost(other) < _WITH_LUGGAGE * _cost(subject) else subject
+    return _settled(loaded, shape, loaded.poses_of(shape, np.arange(len(given.sight.middles))), on_stage)
 
 
 def _settled(given: _Given, shape: Shape, found: Hypotheses, on_stage: Callable[[str], None]) -> Subject:
