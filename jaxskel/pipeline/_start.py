@@ -163,9 +163,8 @@ def _by_search(
             starts, sides = propose(np.arange(len(seen.frames)))
             hypotheses = solve_frames(model, search, starts, fallback, observed)
         else:
-            hypotheses, sides, track = track_frames(
-                model, search, settings.tracking, fps, track, propose, fallback, observed
-            )
+            tracking = settings.tracking.for_subject(prepared.clothes, fps)
+            hypotheses, sides, track = track_frames(model, search, tracking, fps, track, propose, fallback, observed)
         start = _start_from(hypotheses, observed, sides, prepared)
     return start, track
 
@@ -182,8 +181,8 @@ def _by_following(
 
     Where a search is due, the frame is carved, and the search begins; it goes on, step by step, in the next frames.
     """
-    tracking, skeleton = settings.tracking, prepared.skeleton
-    assert tracking is not None
+    assert settings.tracking is not None
+    tracking, skeleton = settings.tracking.for_subject(prepared.clothes, frame.fps), prepared.skeleton
     due = search_is_due(tracking, frame.fps, track)
     found = observe_batch(
         frame, prepared, settings, label=False, outlines=False, carved=due, stopwatch=stopwatch, at_once=1

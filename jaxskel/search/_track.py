@@ -12,6 +12,7 @@ from .._runtime.batching import length_of, on_device, single_precision, take
 from .._runtime.compile_cache import cached_jit
 from ..body import Pose, place_joints
 from ..refinement.terms import Observed
+from ._cheapest_path import cheapest_path, jump_costs, left_of, turned_round
 from ._fit import Scales, fit_hypothesis, fit_scales
 from ._hypotheses import Hypotheses, Pool, pool_of
 from ._model import Model
@@ -20,8 +21,6 @@ from ._track_state import Track, Tracking, must_be_found
 
 # Number of past costs in the running median.
 _RECENT = 90
-# Two poses are the same if no joint differs by more than this (m).
-_SAME = 0.05
 # If a joint moves farther than this between two frames (m), the track may be lost, and the frame is searched in.
 _FAR = 0.2
 
@@ -140,10 +139,11 @@ def best_track(model: Model, tracking: Tracking, track: Track | None, offers: Po
     scales = follow_scales(tracking)
 
     def follow(order: Int[np.ndarray, " frames"], last: Pose, before: Pose) -> tuple[Pose, np.ndarray]:
-        margin, number = jnp.asarray(tracking.margin, jnp.float32), jnp.asarray(order, jnp.int32)
+        margins = jnp.asarray([tracking.margin, tracking.turn_margin], jnp.float32)
+        number = jnp.asarray(order, jnp.int32)
         last, before = single_precision((last, before))
         poses, cost = single_precision(take((offers.poses, offers.cost), order))
-        found = _follow(model, margin, scales, last, before, poses, cost, number, stack)
+        found = _follow(model, margins, scales, last, before, poses, cost, number, stack)
         return jax.tree.map(lambda a: np.asarray(a)[:count], found)
 
     forwards, cost = follow(frames, last, before)
@@ -152,48 +152,36 @@ def best_track(model: Model, tracking: Tracking, track: Track | None, offers: Po
     end = jax.tree.map(lambda a: a[-1], forwards)
     back = np.maximum(np.arange(count - 1, count - 1 - length, -1), 0)
     backwards, other = jax.tree.map(lambda a: a[::-1], follow(back, end, end))
+    both = Hypotheses(jax.tree.map(lambda a, b: np.stack([a, b], 1), forwards, backwards), np.stack([cost, other], 1))
     places = np.stack([_places(model, forwards), _places(model, backwards)], 1)
-    costs = np.stack([cost, other], 1)
-    start = None if track is None else _last_place(model, track)
-    chosen = cheapest_path(costs, places, tracking.margin, start)
-    both = Hypotheses(jax.tree.map(lambda a, b: np.stack([a, b], 1), forwards, backwards), costs)
+    chosen = cheapest_path(both.cost, *_jumps(model, tracking, track, both, places))
     return both.ordered(np.stack([chosen, 1 - chosen], 1))
 
 
-def cheapest_path(
-    costs: Float[np.ndarray, "frames tracks"],
-    places: Float[np.ndarray, "frames tracks points 3"],
-    margin: float,
-    start: Float[np.ndarray, "points 3"] | None = None,
-) -> Int[np.ndarray, " frames"]:
-    """Viterbi path over the tracks: the minimum of the summed costs plus `margin` for each jump between tracks.
+def _jumps(
+    model: Model,
+    tracking: Tracking,
+    track: Track | None,
+    both: Hypotheses,
+    places: Float[np.ndarray, "frames tracks joints 3"],
+) -> tuple[Float[np.ndarray, "frames tracks tracks"], Float[np.ndarray, " tracks"]]:
+    """Costs of jumps between two tracks, and of beginning on each of them; `places` are their joints (m).
 
-    Switching tracks after a frame is a jump if the poses of the two tracks differ in that frame. Beginning on a track
-    is a jump if its first pose is farther from `start` (m) than the nearest one.
+    To begin on a track is a jump if its first pose is farther from the last one than that of the other track.
     """
-    frames, tracks = costs.shape
-    apart = np.linalg.norm(places[:, :, None] - places[:, None], axis=-1).max(-1)
-    jump = np.where(apart > _SAME, margin, 0.0)
-    total = costs[0].astype(np.float64)
-    if start is not None:
-        far = np.linalg.norm(places[0] - start, axis=-1).max(-1)
-        total = total + np.where(far > far.min() + _SAME, margin, 0.0)
-    came = np.zeros((frames, tracks), int)
-    for frame in range(1, frames):
-        ways = total[:, None] + jump[frame - 1]
-        came[frame] = ways.argmin(0)
-        total = ways.min(0) + costs[frame]
-    path = np.zeros(frames, int)
-    path[-1] = total.argmin()
-    for frame in range(frames - 1, 0, -1):
-        path[frame - 1] = came[frame, path[frame]]
-    return path
+    left = np.asarray(left_of(both.poses))
+    jumps = jump_costs(places[:, :, None], places[:, None], left[:, :, None], left[:, None], tracking)
+    if track is None:
+        return jumps, np.zeros(2)
+    far = np.linalg.norm(places[0] - _last_place(model, track), axis=-1).max(-1)
+    near = int(far.argmin())
+    return jumps, jumps[0, near]
 
 
 @cached_jit
 def _follow(
     model: Model,
-    margin: Float[Array, ""],
+    margins: Float[Array, "2"],
     scales: Scales,
     last: Pose,
     before: Pose,
@@ -204,7 +192,8 @@ def _follow(
 ) -> tuple[Pose, Float[Array, " frames"]]:
     """Fit each frame, in the given order, from the pose before and from its extrapolation; keep the cheaper result.
 
-    An offered pose replaces it if that is cheaper by more than `margin`.
+    An offered pose replaces it if that is cheaper by more than the first of the `margins`, or by more than the second
+    if it faces the other way.
     """
 
     def step(past: tuple[Pose, Pose], frame: tuple[Pose, Array, Array]) -> tuple[tuple[Pose, Pose], tuple[Pose, Array]]:
@@ -214,7 +203,8 @@ def _follow(
         poses, cost = jax.vmap(lambda pose: fit_hypothesis(model.body, model.objective, pose, seen, scales))(hypotheses)
         best = jnp.argmin(cost)
         pose, cost = jax.tree.map(lambda a: a[best], (poses, cost))
-        switch = offered_cost < cost - margin
+        turned = turned_round(left_of(offered), left_of(pose))
+        switch = offered_cost < cost - jnp.where(turned, margins[1], margins[0])
         pose = jax.tree.map(lambda new, old: jnp.where(switch, new, old), offered, pose)
         # After a switch, the velocity is zero.
         last = jax.tree.map(lambda new, old: jnp.where(switch, new, old), pose, last)

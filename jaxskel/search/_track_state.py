@@ -10,6 +10,10 @@ from jaxtyping import Float
 from .._runtime.kinds import check_count, check_number
 from .._runtime.steps import Steps
 from ..body import Pose
+from ._uncertainty import variance_in_clothes
+
+# Frames per second below which a person may turn round between two frames.
+_TURNING = 8.0
 
 
 class Tracking(eqx.Module):
@@ -20,17 +24,32 @@ class Tracking(eqx.Module):
             beats.
         steps: Steps of the fit that starts at the pose of the frame before.
         margin: Hysteresis: the track switches to another pose only if that is cheaper by this cost.
+        turn_margin: The same for a pose that faces the other way: nobody turns round from one frame to the next, so
+            either one of the two is wrong from its beginning on, or a frame misleads.
     """
 
     interval: float = 0.25
     steps: int = 6
     margin: float = 2.0
+    turn_margin: float = 10.0
 
     def __check_init__(self):
         """Reject numbers that make no sense."""
         check_number("interval", self.interval, 0.0, np.inf, "a time in seconds, such as 0.25")
         check_count("steps", self.steps)
-        check_number("margin", self.margin, 0.0, np.inf, "a cost, zero or more")
+        for name in ("margin", "turn_margin"):
+            check_number(name, getattr(self, name), 0.0, np.inf, "a cost, zero or more")
+
+    def for_subject(self, clothes: float, fps: float) -> "Tracking":
+        """The same with margins as this film needs them.
+
+        Args:
+            clothes: Root mean square thickness of what the subject wears (m); margins grow as costs tell less.
+            fps: Frames per second; between frames that are far apart, a person may turn round.
+        """
+        margin = self.margin * variance_in_clothes(clothes)
+        turn = self.turn_margin * variance_in_clothes(clothes) if fps >= _TURNING else margin
+        return replace(self, margin=margin, turn_margin=max(turn, margin))
 
 
 class Searched(NamedTuple):

@@ -46,6 +46,15 @@ class Uncertainty(NamedTuple):
     confidence: Float[np.ndarray, "frames joints"]
 
 
+def variance_in_clothes(clothes: float) -> float:
+    """How many times larger the variance of joints is, and of costs, than of naked people.
+
+    Args:
+        clothes: Root mean square thickness of what the subject wears (m).
+    """
+    return 1.0 + (clothes / _CLOTHES) ** 2
+
+
 def searched_uncertainty(
     away: Float[np.ndarray, "frames hypotheses joints 3"],
     cost: Float[np.ndarray, "frames hypotheses"],
@@ -66,14 +75,14 @@ def searched_uncertainty(
         clothes: Root mean square thickness of what the subject wears (m).
     """
     raw = np.sqrt(np.trace(covariance, axis1=-2, axis2=-1) / 3)
-    loose = np.hypot(1.0, clothes / _CLOTHES)
+    loose = variance_in_clothes(clothes)
     doublings = np.clip((cost[:, 0] - cost_threshold) / _EXCESS_COST, 0.0, _DOUBLINGS)
     doublings += _DOUBLINGS_BEYOND * max(np.log2(cost_threshold / _NO_BODY), 0.0)
     doublings += _UNEXPLAINED * (1 - trust_in_explained(unexplained))
-    wider = loose * _SHARE_OF_JOINT * (1 + (raw / _UNSEEN) ** _POWER) * 2 ** doublings[:, None]
+    wider = np.sqrt(loose) * _SHARE_OF_JOINT * (1 + (raw / _UNSEEN) ** _POWER) * 2 ** doublings[:, None]
     wider = np.minimum(wider, _FARTHEST / np.maximum(raw, 1e-9))
     own = covariance * (wider**2)[..., None, None]
-    weight = np.exp(-np.clip(cost - cost[:, :1], -50.0, None) / (_RIVAL_COST * loose**2))
+    weight = np.exp(-np.clip(cost - cost[:, :1], -50.0, None) / (_RIVAL_COST * loose))
     weight = (weight / weight.sum(1, keepdims=True))[..., None]
     between = np.einsum("fkj,fkja,fkjb->fjab", np.broadcast_to(weight, away.shape[:3]), away, away)
     offset, deviation = np.linalg.norm(away, axis=-1), (raw * wider)[:, None]

@@ -10,7 +10,7 @@ from support.capsule_films import ADULT, BODY, Filmed, film_body, joints_of, som
 from jaxskel import Pose
 from jaxskel.body import SEGMENT_NAMES
 from jaxskel.search import Proposed, Search, Track, Tracking, make_model, track_frames
-from jaxskel.search._track import cheapest_path
+from jaxskel.search._cheapest_path import cheapest_path, jump_costs
 from jaxskel.synthetic import demo_motion
 
 FPS, FRAMES = 24.0, 20
@@ -92,23 +92,29 @@ def test_a_body_facing_backwards_is_turned_within_half_a_second(filmed):
 @pytest.mark.parametrize("seed", range(6))
 def test_path_is_the_cheapest_of_all(seed):
     rng = np.random.default_rng(seed)
-    frames, margin = 6, 0.7
-    costs = rng.uniform(0, 1, (frames, 2))
-    places = rng.normal(size=(frames, 2, 3, 3))
-    together = rng.random(frames) < 0.4
-    places[together, 1] = places[together, 0] + 0.01
+    frames, tracks = 5, 3
+    costs, first = rng.uniform(0, 1, (frames, tracks)), rng.uniform(0, 1, tracks)
+    jumps = rng.uniform(0, 0.7, (frames, tracks, tracks)) * (1 - np.eye(tracks))
 
     def total(path: tuple[int, ...]) -> float:
-        jumps = sum(path[i] != path[i + 1] and not together[i] for i in range(frames - 1))
-        return sum(costs[i, track] for i, track in enumerate(path)) + margin * jumps
+        between = sum(jumps[i, path[i], path[i + 1]] for i in range(frames - 1))
+        return first[path[0]] + sum(costs[i, track] for i, track in enumerate(path)) + between
 
-    best = min(itertools.product((0, 1), repeat=frames), key=total)
-    assert total(tuple(cheapest_path(costs, places, margin))) == pytest.approx(total(best))
+    best = min(itertools.product(range(tracks), repeat=frames), key=total)
+    assert total(tuple(cheapest_path(costs, jumps, first))) == pytest.approx(total(best))
 
 
-def test_a_path_that_starts_far_from_the_last_pose_pays_for_it():
-    places = np.zeros((1, 2, 1, 3))
-    places[0, 1] = 1.0
-    costs = np.array([[1.0, 0.5]])
-    assert cheapest_path(costs, places, 2.0).tolist() == [1]
-    assert cheapest_path(costs, places, 2.0, start=np.zeros((1, 3))).tolist() == [0]
+def test_a_jump_costs_a_margin_and_more_if_it_turns_the_body_round():
+    tracking = Tracking(margin=2.0, turn_margin=7.0)
+    places = np.array([[0.0, 0, 0], [0.04, 0, 0], [1.0, 0, 0], [1.0, 0, 0]])[:, None]
+    left = np.array([[0.0, 2, 0], [0, 2, 0], [0.5, 1, 0], [0, -1, 0]])
+    jumps = jump_costs(places[:, None], places[None], left[:, None], left[None], tracking)
+    np.testing.assert_array_equal(jumps, [[0, 0, 2, 7], [0, 0, 2, 7], [2, 2, 0, 0], [7, 7, 0, 0]])
+
+
+def test_margins_grow_with_clothes_and_a_person_may_turn_round_between_frames_that_are_far_apart():
+    tracking = Tracking(margin=2.0, turn_margin=10.0)
+    assert tracking.for_subject(0.0, 30.0) == tracking
+    clothed = tracking.for_subject(0.03, 30.0)
+    assert (clothed.margin, clothed.turn_margin) == (10.0, 50.0)
+    assert tracking.for_subject(0.0, 2.0).turn_margin == 2.0
