@@ -28,8 +28,10 @@ _POOR = 0.004
 _SIMPLER = 0.05
 # From this many remaining views on, no fault of the whole rig is searched. Of five mirrored views, four still agree.
 _MANY = 6
-# A view counts as frozen only if the others change by at least this share of a silhouette between the frames.
-_MOVING = 0.05
+# A view counts as frozen only if the others change by at least this share of a silhouette between the frames. Somebody
+# who waves changes six views out of eight by 0.06, and not at all those that the arms are hidden from; single frames of
+# clips change all views by 0.2 or more.
+_MOVING = 0.12
 # A view that is a few frames out of step while the person hardly moves: the share of the misfit that the right shift
 # must remove, the smallest misfit and improvement (half heights), and the largest shift tried (frames).
 _STEPPED, _LEAST_STEPPED, _FEW_STEPS = 0.5, 0.0004, 4
