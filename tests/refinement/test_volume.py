@@ -15,6 +15,7 @@ from jaxskel.refinement.terms import (
     ArmCollision,
     ContourContact,
     HingeLimits,
+    HipLimits,
     InsideSilhouettes,
     ShoulderLimits,
     place,
@@ -41,6 +42,7 @@ TERMS = {
     "collision": (ArmCollision(body=BODY), 0.001, turned("l_forearm", "x", -75)),
     "hinges": (HingeLimits(skeleton=ADULT), 1e-6, turned("l_shank", "y", -60)),
     "shoulders": (ShoulderLimits(skeleton=ADULT), 1e-6, turned("l_upper_arm", "y", 70)),
+    "hips": (HipLimits(), 1e-6, turned("l_thigh", "y", 60)),
 }
 
 

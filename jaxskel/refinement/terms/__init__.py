@@ -24,6 +24,7 @@ from ._given import check_objective as check_objective
 from ._given import objective_of as objective_of
 from ._graph_attraction import GraphAttraction as GraphAttraction
 from ._hinges import HingeLimits as HingeLimits
+from ._hip_limits import HipLimits as HipLimits
 from ._inner_nodes import InnerNodeAttraction as InnerNodeAttraction
 from ._inside_silhouettes import InsideSilhouettes as InsideSilhouettes
 from ._keypoints import Keypoints as Keypoints

@@ -7,6 +7,7 @@ from ._contour_contact import ContourContact
 from ._end_nodes import EndNodeAttraction
 from ._graph_attraction import GraphAttraction
 from ._hinges import HingeLimits
+from ._hip_limits import HipLimits
 from ._inner_nodes import InnerNodeAttraction
 from ._inside_silhouettes import InsideSilhouettes
 from ._rest_prior import RestPrior, firmness
@@ -44,6 +45,7 @@ def volume_objective(body: Body) -> Objective:
             "collision": ArmCollision(body=body, weight=800.0),
             "hinges": HingeLimits(skeleton=body.skeleton, weight=40.0),
             "shoulders": ShoulderLimits(skeleton=body.skeleton, weight=300.0),
+            "hips": HipLimits(weight=300.0),
             "rest": RestPrior(
                 weight=0.2,
                 firmness=firmness(chest=8.0, head=5.0, clavicle=70.0, thigh=0.7, hand=6.0, foot=6.0),
