@@ -34,6 +34,9 @@ def modern_method(method: Mapping[str, Any]) -> dict[str, Any]:
     settings = _SETTINGS | (_grouped(settings) if "spacing" in settings else settings)
     if isinstance(settings.get("search"), dict):
         settings["search"] = _SEARCH | settings["search"]
+    tracking = settings.get("tracking")
+    if isinstance(tracking, dict) and "margin" in tracking:  # a turn had no margin of its own
+        settings["tracking"] = {"turn_margin": tracking["margin"]} | tracking
     return found | {"settings": settings}
 
 

@@ -39,8 +39,9 @@ FLAT = {
 
 
 def test_flat_settings_are_those_of_today():
-    # That version looked correspondences up twice.
-    settings = Settings(hull=HullSettings(spacing=0.02), tracking=Tracking(), refinement=RefinementSettings(rounds=2))
+    # That version looked correspondences up twice, and a turn had no margin of its own.
+    tracking, refinement = Tracking(turn_margin=2.0), RefinementSettings(rounds=2)
+    settings = Settings(hull=HullSettings(spacing=0.02), tracking=tracking, refinement=refinement)
     today = Method(settings).described
     assert older.modern_method({"settings": FLAT, "smooth_hz": None}) == today
     assert older.modern_method({"settings": FLAT | {"spacing": 0.015}, "smooth_hz": None}) != today
