@@ -9,8 +9,9 @@ from support.capsule_films import ADULT, BODY, Filmed, film_body, joints_of, som
 
 from jaxskel import Pose
 from jaxskel.body import SEGMENT_NAMES
-from jaxskel.search import Proposed, Search, Track, Tracking, make_model, track_frames
+from jaxskel.search import Hypotheses, Proposed, Search, Track, Tracking, make_model, track_frames
 from jaxskel.search._cheapest_path import cheapest_path, jump_costs
+from jaxskel.search._track import _jumps
 from jaxskel.synthetic import demo_motion
 
 FPS, FRAMES = 24.0, 20
@@ -110,6 +111,15 @@ def test_a_jump_costs_a_margin_and_more_if_it_turns_the_body_round():
     left = np.array([[0.0, 2, 0], [0, 2, 0], [0.5, 1, 0], [0, -1, 0]])
     jumps = jump_costs(places[:, None], places[None], left[:, None], left[None], tracking)
     np.testing.assert_array_equal(jumps, [[0, 0, 2, 7], [0, 0, 2, 7], [2, 2, 0, 0], [7, 7, 0, 0]])
+
+
+def test_a_path_that_starts_far_from_the_last_pose_pays_for_it(filmed):
+    near = some(filmed.truth, 0)
+    far = Pose(np.asarray(near.root) + 1.0, near.rotations)
+    poses = Pose(np.stack([far.root, near.root]), np.stack([far.rotations, near.rotations]))
+    both = Hypotheses(Pose(poses.root[None], poses.rotations[None]), np.zeros((1, 2)))
+    _, first = _jumps(make_model(BODY), Tracking(margin=2.0), on_track(filmed, 0, near), both, joints_of(poses)[None])
+    assert first.tolist() == [2.0, 0.0]
 
 
 def test_margins_grow_with_clothes_and_a_person_may_turn_round_between_frames_that_are_far_apart():
