@@ -4,14 +4,20 @@ from typing import Any
 
 import jax
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Bool, Int
 
 
 def single_precision(tree: Any) -> Any:
-    """Arrays in the precision of JAX's computations, so that the caller's precision does not cause a recompilation."""
+    """Arrays in the precision of JAX's computations, so that the caller's precision does not cause a recompilation.
+
+    Nor does the weak type of what was a Python number.
+    """
 
     def single(a: Any) -> Any:
-        kept = not hasattr(a, "dtype") or a.dtype.kind in "bi" or a.dtype == np.float32
+        if not hasattr(a, "dtype") or a.dtype.kind in "bi":
+            return a
+        kept = a.dtype == np.float32 and (isinstance(a, Tracer) or not getattr(a, "weak_type", False))
         return a if kept else np.asarray(a, np.float32)
 
     return jax.tree.map(single, tree)

@@ -16,7 +16,7 @@ import sys
 from collections.abc import Callable, Hashable
 from concurrent.futures import Executor
 from functools import cache, cached_property, update_wrapper
-from importlib.metadata import version
+from importlib import import_module
 from pathlib import Path
 from threading import Lock
 from types import BuiltinFunctionType, FunctionType
@@ -220,7 +220,7 @@ def _surroundings() -> bytes:
 def _machine() -> bytes:
     """What a program depends on besides its text: versions, processor."""
     device, flags = jax.devices()[0], os.environ.get("XLA_FLAGS")
-    versions = [version(name) for name in _LIBRARIES]
+    versions = [import_module(name).__version__ for name in _LIBRARIES]
     return repr((versions, processor(), device.platform, device.device_kind, flags)).encode()
 
 

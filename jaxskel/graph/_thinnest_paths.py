@@ -2,11 +2,8 @@
 
 import equinox as eqx
 import numpy as np
+import scipy  # imports its parts when they are first used
 from jaxtyping import Bool, Float, Int
-from scipy.ndimage import distance_transform_edt
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import dijkstra
-from scipy.spatial import KDTree
 
 from ..hull import VisualHulls
 from ._skeletal_graph import SkeletalGraph
@@ -57,17 +54,17 @@ class ThinnestPaths(eqx.Module):
 
     def _one(self, hulls: VisualHulls, voxels: Int[np.ndarray, "voxels 3"], root: int) -> SkeletalGraph:
         lengths = _adjacency(voxels)
-        way = dijkstra(lengths, indices=root)
+        way = scipy.sparse.csgraph.dijkstra(lengths, indices=root)
         reached = np.isfinite(way)
         root = int(reached[:root].sum())
         voxels, way, lengths = voxels[reached], way[reached], lengths[reached][:, reached]
         depth = _depths(voxels)
         cost = 1 + self.surface_cost * (1 - depth / depth.max()) ** self.power
         pairs = lengths.tocoo()
-        cheapest = csr_array(
+        cheapest = scipy.sparse.csr_array(
             (pairs.data * (cost[pairs.row] + cost[pairs.col]) / 2, (pairs.row, pairs.col)), pairs.shape
         )  # fmt: skip
-        before = dijkstra(cheapest, indices=root, return_predecessors=True)[1]
+        before = scipy.sparse.csgraph.dijkstra(cheapest, indices=root, return_predecessors=True)[1]
         nodes, parents, places = self._paths(voxels, way, depth, before, root)
         spacing = hulls.grid.spacing
         positions = np.asarray(hulls.grid.origin) + spacing * (places + 0.5)
@@ -83,7 +80,7 @@ class ThinnestPaths(eqx.Module):
         root: int,
     ) -> tuple[Int[np.ndarray, " nodes"], Int[np.ndarray, " nodes"], Float[np.ndarray, "nodes 3"]]:
         """The voxels that are nodes (parents before children), the parent of each, and its position (voxels)."""
-        tree = KDTree(voxels)
+        tree = scipy.spatial.KDTree(voxels)
         number = np.full(len(voxels), -1)
         number[root] = 0
         nodes, parents, places = [root], [-1], [voxels[root].astype(float)]
@@ -108,7 +105,7 @@ class ThinnestPaths(eqx.Module):
 
     def _unexplained(
         self,
-        tree: KDTree,
+        tree: "scipy.spatial.KDTree",
         voxels: Int[np.ndarray, "voxels 3"],
         depth: Float[np.ndarray, " voxels"],
         path: list[int],
@@ -121,7 +118,7 @@ class ThinnestPaths(eqx.Module):
         return still
 
 
-def _adjacency(voxels: Int[np.ndarray, "voxels 3"]) -> csr_array:
+def _adjacency(voxels: Int[np.ndarray, "voxels 3"]) -> "scipy.sparse.csr_array":
     """Distances (voxels) between each voxel and its up to 26 neighbours."""
     low = voxels.min(0) - 1
     index = np.full(np.ptp(voxels, axis=0) + 3, -1)
@@ -136,7 +133,7 @@ def _adjacency(voxels: Int[np.ndarray, "voxels 3"]) -> csr_array:
     # SciPy's shortest paths took no other kind of index before its version 1.15.
     places = np.concatenate(rows).astype(np.int32), np.concatenate(columns).astype(np.int32)
     entries = np.concatenate(lengths), places
-    return csr_array(coo_array(entries, (len(voxels), len(voxels))))
+    return scipy.sparse.csr_array(scipy.sparse.coo_array(entries, (len(voxels), len(voxels))))
 
 
 def _depths(voxels: Int[np.ndarray, "voxels 3"]) -> Float[np.ndarray, " voxels"]:
@@ -144,4 +141,4 @@ def _depths(voxels: Int[np.ndarray, "voxels 3"]) -> Float[np.ndarray, " voxels"]
     low = voxels.min(0) - 1
     occupied = np.zeros(np.ptp(voxels, axis=0) + 3, bool)
     occupied[tuple((voxels - low).T)] = True
-    return np.asarray(distance_transform_edt(occupied))[tuple((voxels - low).T)]
+    return np.asarray(scipy.ndimage.distance_transform_edt(occupied))[tuple((voxels - low).T)]

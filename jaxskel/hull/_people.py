@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import equinox as eqx
 import numpy as np
+import scipy  # imports its parts when they are first used
 from jaxtyping import Bool, Float, Int
 
 from ..poses import Status
@@ -85,10 +86,8 @@ def _joined(
     voxels: Int[np.ndarray, "n 3"], body: Int[np.ndarray, " n"], largest: int | np.integer, gap: float
 ) -> Int[np.ndarray, " parts"]:
     """The largest body and all bodies within `gap` (voxels) of it."""
-    from scipy.spatial import KDTree  # the import takes a tenth of a second, and good masks do not need it
-
     others = np.flatnonzero(body != largest)
-    near, _ = KDTree(voxels[body == largest]).query(voxels[others], distance_upper_bound=gap)
+    near, _ = scipy.spatial.KDTree(voxels[body == largest]).query(voxels[others], distance_upper_bound=gap)
     return np.append(largest, np.unique(body[others[np.isfinite(near)]]))
 
 

@@ -12,8 +12,8 @@ z up is (-y, z, x) in Unity, and a rotation R is M R M^T with the mirroring M of
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # imports its parts when they are first used
 from jaxtyping import Float
-from scipy.spatial.transform import Rotation
 
 from ..body import HUMAN_15, Pose, SkeletonTemplate
 from ..io.poses import RIG, TPose, rig_from, t_pose_of, with_up
@@ -71,7 +71,7 @@ def bones_of(poses: Poses, start: TPose | None = None) -> Bones | None:
     local = np.concatenate([whole[:1], whole[parents].swapaxes(-1, -2) @ whole[1:]])
     positions = rig.offsets[_ROWS] @ _TO_UNITY.T
     positions[0] = _TO_UNITY @ rig.root[0]
-    return Bones(positions, Rotation.from_matrix(local).as_quat(canonical=True))
+    return Bones(positions, scipy.spatial.transform.Rotation.from_matrix(local).as_quat(canonical=True))
 
 
 def check_avatar(template: SkeletonTemplate) -> None:

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy  # imports its parts when they are first used
 from jaxtyping import Float, Int
-from scipy.spatial import KDTree
 
 from ._bodies import Voxels
 
@@ -171,7 +171,7 @@ class _Crowd:
         if not bodies:
             return {}
         body = np.repeat(np.arange(len(bodies)), [len(voxels) for voxels in bodies])
-        tree = KDTree(np.concatenate(bodies))
+        tree = scipy.spatial.KDTree(np.concatenate(bodies))
         claims: dict[int, int] = {}
         middles = np.stack([voxels.mean(0) for voxels in bodies])
         for number, person in self.people.items():
@@ -209,16 +209,16 @@ class _Crowd:
         shapes = [self.people[number].alone for number in own]
         whose = np.repeat(np.arange(len(own)), [len(each) for each in shapes])
         steps = np.stack([self.people[number].velocity for number in own])
-        common = KDTree(voxels)
+        common = scipy.spatial.KDTree(voxels)
         for _ in range(_ROUNDS):
             moved = np.concatenate(shapes) + steps[whose]
-            near = np.asarray(KDTree(moved).query(voxels)[1])
+            near = np.asarray(scipy.spatial.KDTree(moved).query(voxels)[1])
             inside = voxels[np.asarray(common.query(moved)[1])] - moved
             for place in range(len(own)):
                 covered = whose[near] == place
                 pulls = [inside[whose == place]] + ([voxels[covered] - moved[near[covered]]] if covered.any() else [])
                 steps[place] += np.mean([pull.mean(0) for pull in pulls], axis=0)
-        near = np.asarray(KDTree(np.concatenate(shapes) + steps[whose]).query(voxels)[1])
+        near = np.asarray(scipy.spatial.KDTree(np.concatenate(shapes) + steps[whose]).query(voxels)[1])
         found = {}
         for place, number in enumerate(own):
             part, person = voxels[whose[near] == place], self.people[number]

@@ -200,11 +200,6 @@ class Stream:
             self._for_body = body, replace(self._settings, refinement=refinement)
         return self._for_body[1]
 
-    def _ready(self, prepared: Prepared) -> Prepared:
-        """With the model of the body, once on the device instead of with every frame."""
-        prepared = with_model(prepared, self._settings)
-        return replace(prepared, model=jax.device_put(prepared.model))
-
     def _prepared_for(self, frame: Recording) -> Prepared:
         """What is known for a frame: a grid where the person is, and the subject."""
         silhouettes = np.asarray(frame.silhouettes)
@@ -217,14 +212,14 @@ class Stream:
             if not self._found:
                 compile_ahead(cameras, self._settings, frame.data)
             grid = None if self._settings.hull.box is not None else grid_around(middle, self._settings.hull.spacing)
-            self._prepared = self._ready(place(frame, self._settings, grid, at_once=1))
+            self._prepared = with_model(place(frame, self._settings, grid, at_once=1), self._settings)
         self._follow(silhouettes)
         if self._better is not None:
             self._improve(self._better.found())
         if not self._found:
             found = with_subject(self._prepared, frame, self._settings, calibrate=True, at_once=1)
             if found is not self._prepared:
-                self._prepared, self._found = self._ready(found), True
+                self._prepared, self._found = with_model(found, self._settings), True
         return self._prepared
 
     def _follow(self, silhouettes: UInt8[np.ndarray, "frames=1 cams h w8"]) -> None:
@@ -244,7 +239,7 @@ class Stream:
         if better is None or before is None or before.table is None:
             return
         table = before.table
-        self._prepared = self._ready(replace(better, table=table, edge=before.edge))
+        self._prepared = with_model(replace(better, table=table, edge=before.edge), self._settings)
         if better.max_misses != before.max_misses:
             self._moving.stay()
             self._prepared = with_grid(self._prepared, table.grid, table.size, self._settings)

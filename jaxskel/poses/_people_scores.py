@@ -4,8 +4,8 @@ from collections.abc import Mapping
 
 import equinox as eqx
 import numpy as np
+import scipy  # imports its parts when they are first used
 from jaxtyping import Float
-from scipy.optimize import linear_sum_assignment
 
 from ..body import HUMAN_15, SkeletonTemplate
 from ._poses import Poses
@@ -67,7 +67,7 @@ def score_people(
     }  # fmt: skip
     right = np.array([[(every[name, truth].distances <= threshold).mean() for truth in truths] for name in people])
     found_as: dict[str, str | None] = dict.fromkeys(truths)
-    for own, true in zip(*linear_sum_assignment(-right), strict=True):
+    for own, true in zip(*scipy.optimize.linear_sum_assignment(-right), strict=True):
         found_as[list(truths)[true]] = list(people)[own]
     scores = {}
     for truth in truths:
@@ -99,7 +99,7 @@ def _identities(
         costs = np.where(away[..., frame] <= _SAME, away[..., frame], 1e6)
         pairs = [
             (int(own), int(one))
-            for own, one in zip(*linear_sum_assignment(costs), strict=True) if costs[own, one] <= _SAME
+            for own, one in zip(*scipy.optimize.linear_sum_assignment(costs), strict=True) if costs[own, one] <= _SAME
         ]  # fmt: skip
         exchanged += sum(before.get(one, own) != own for own, one in pairs)
         before |= {one: own for own, one in pairs}

@@ -1,8 +1,8 @@
 """Rotations over time as unit quaternions."""
 
 import numpy as np
+import scipy  # imports its parts when they are first used
 from jaxtyping import Float
-from scipy.spatial.transform import Rotation
 
 
 def to_quaternions(rotations: Float[np.ndarray, "frames segments 3 3"]) -> Float[np.ndarray, "frames segments 4"]:
@@ -21,7 +21,7 @@ def to_quaternions(rotations: Float[np.ndarray, "frames segments 3 3"]) -> Float
     known = np.isfinite(rotations).all((1, 2, 3))
     if known.any():
         matrices = rotations[known].astype(np.float64)
-        xyzw = Rotation.from_matrix(matrices.reshape(-1, 3, 3)).as_quat(canonical=True)
+        xyzw = scipy.spatial.transform.Rotation.from_matrix(matrices.reshape(-1, 3, 3)).as_quat(canonical=True)
         found = np.roll(xyzw.reshape(*matrices.shape[:2], 4), 1, axis=-1)
         turned_away = (found[1:] * found[:-1]).sum(-1) < 0
         found[1:] *= np.cumprod(np.where(turned_away, -1.0, 1.0), axis=0)[..., None]

@@ -8,7 +8,7 @@ without that, the motion over the whole gap would be taken for that of one frame
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy  # imports its parts when they are first used
 
 from .._math.rotations import nearest_rotation
 from ..body import Pose
@@ -35,8 +35,8 @@ def over_gap(before: Track, after: Track, skipped: int) -> Track:
         return after
     (root, rotations), (end_root, end) = _parts(before.last), _parts(after.last)
     share = skipped / (skipped + 1)
-    turn = Rotation.from_matrix(end @ rotations.swapaxes(-1, -2)).as_rotvec()
-    turned = Rotation.from_rotvec(share * turn).as_matrix() @ rotations
+    turn = scipy.spatial.transform.Rotation.from_matrix(end @ rotations.swapaxes(-1, -2)).as_rotvec()
+    turned = scipy.spatial.transform.Rotation.from_rotvec(share * turn).as_matrix() @ rotations
     return replace(after, before=Pose((1 - share) * root + share * end_root, turned.astype(end.dtype)))
 
 

@@ -1,6 +1,7 @@
 """The subject's body and the objective, prepared for the search."""
 
 import equinox as eqx
+import jax
 import numpy as np
 
 from .._runtime.batching import single_precision
@@ -47,4 +48,6 @@ def make_model(body: Body, objective: GivenObjective = volume_objective) -> Mode
     balls = np.isin(np.arange(len(BALL_NAMES)), np.setdiff1d(LINKS[arms], LINKS[~arms]))
     armless = eqx.tree_at(lambda b: b.radii, body, np.where(balls, -9, body.radii))
     limbs = {name: make_limb(body.skeleton, name) for name in _LIMBS}
-    return Model(body, single_precision(armless), limbs, single_precision(objective.of_body(body)))
+    model = Model(body, single_precision(armless), limbs, single_precision(objective.of_body(body)))
+    # Once, instead of with each of some hundred calls.
+    return jax.tree.map(lambda leaf: jax.device_put(leaf) if hasattr(leaf, "dtype") else leaf, model)

@@ -2,8 +2,8 @@
 
 import cv2
 import numpy as np
+import scipy  # imports its parts when they are first used
 from jaxtyping import Float
-from scipy.optimize import least_squares
 
 from ...cameras import make_cameras, project, rays_in_camera
 from ._board import Board
@@ -61,6 +61,8 @@ def _fisheye_pose(
 
     _, turns, shifts, _ = cv2.solvePnPGeneric(points, tangents, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE)
     starts = [np.concatenate([turn, shift]).ravel() for turn, shift in zip(turns, shifts, strict=True)]
-    best = min((least_squares(off, start, method="lm") for start in starts), key=lambda found: found.cost)
+    best = min(
+        (scipy.optimize.least_squares(off, start, method="lm") for start in starts), key=lambda found: found.cost
+    )
     rms = float(np.sqrt(2 * best.cost / len(corners)))
     return cv2.Rodrigues(best.x[:3])[0], best.x[3:], rms
