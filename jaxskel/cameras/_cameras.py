@@ -79,6 +79,13 @@ class Cameras(eqx.Module):
         """The same cameras in a world whose points are ``factor * x``."""
         return self if factor == 1 else eqx.tree_at(lambda c: c.t, self, factor * np.asarray(self.t))
 
+    def reduced(self, steps: Int[np.ndarray, " cams"]) -> "Cameras":
+        """The same cameras with images whose pixels are `steps` times as wide; a part of one counts as whole."""
+        # The centre of the first pixel, of either size, is (0, 0).
+        shrink = np.array([[[1 / s, 0, (1 / s - 1) / 2], [0, 1 / s, (1 / s - 1) / 2], [0, 0, 1]] for s in steps])
+        size = -(-self.size // np.asarray(steps)[:, None])
+        return eqx.tree_at(lambda c: (c.K, c.size), self, (shrink @ np.asarray(self.K), size))
+
 
 def make_cameras(
     K: Any,

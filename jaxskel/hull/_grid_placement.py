@@ -1,7 +1,7 @@
 """Automatic placement of the voxel grid around the person in all frames."""
 
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 
 from ..cameras import Cameras, rays
 from ..recording import MIN_VIEWS, Silhouettes, silhouette_centroids
@@ -10,15 +10,15 @@ from ._connected_bodies import bodies_among
 from ._grid import VoxelGrid, make_grid
 from ._others import without_others
 from ._projection_table import projection_table
+from ._widened_views import steps_for, widened
 
 _COARSE = 3  # edge of a coarse voxel, in fine voxels
 _COARSEST = 0.045  # largest edge of a coarse voxel (m): hands and forearms fall between centres farther apart
 _REACH = 1.5  # no part of a person is farther from the middle of the body (m)
-_MARGIN = 0.12  # around the coarse hulls (m)
+_MARGIN = 2  # around the coarse hulls, in fine voxels: what touches the edge of a grid may reach out of it
 _SAMPLED_MARGIN = 0.25  # the same if only a sample of the frames was carved (m)
-# Margin in pixels. Where pixels are large, a coarse hull may lack or detach hands and feet that a fine hull has: in
-# rendered scenes of 48 to 96 px height up to five pixels of a limb are lost.
-_MARGIN_PIXELS = 6
+# A limb is at most this much nearer to a camera than the middle of the body is (m), and at most half-way to it.
+_NEARER = 0.9
 _MAX_FRAMES = 96  # carved coarsely, evenly spread over the recording
 _LEAST_VOLUME = 0.004  # smaller bodies are noise, not people (m^3)
 
@@ -53,14 +53,18 @@ def place_grid(
     if len(usable) == 0:
         return None
     chosen = usable[np.unique(np.linspace(0, len(usable) - 1, _MAX_FRAMES).astype(int))]
-    margin = _MARGIN if len(chosen) == len(usable) else _SAMPLED_MARGIN
+    margin = _MARGIN * spacing if len(chosen) == len(usable) else _SAMPLED_MARGIN
     others = None if hidden is None else hidden[chosen]
     silhouettes, empty_views = silhouettes[chosen], empty_views[chosen]
     middles = body_middles(cameras, silhouettes, empty_views)
-    margin = max(margin, _MARGIN_PIXELS * _pixel_size(cameras, middles, empty_views))
     coarse = make_grid(middles.min(0) - _REACH, middles.max(0) + _REACH, min(_COARSE * spacing, _COARSEST))
+    # Between the centres of coarse voxels there is room for a forearm. Widened by what lies between them, silhouettes
+    # lose nothing: each point of a hull is in a coarse voxel that is kept.
+    pixels = _pixels_between(cameras, middles, empty_views, coarse.spacing)
+    silhouettes = widened(cameras, silhouettes, pixels)
+    others = None if others is None else widened(cameras, others, pixels)
     height, width = silhouettes.shape[2], 8 * silhouettes.shape[3]
-    table = projection_table(cameras, coarse, height, width, min_views)
+    table = projection_table(cameras.reduced(steps_for(pixels)), coarse, height, width, min_views)
     possible = silhouettes if others is None else silhouettes | others
     hulls = carve(possible, table, empty_views, max_misses)
     if others is not None:
@@ -75,13 +79,15 @@ def place_grid(
     return make_grid(lower, upper, spacing)
 
 
-def _pixel_size(
-    cameras: Cameras, middles: Float[np.ndarray, "frames 3"], empty_views: Bool[np.ndarray, "frames cams"]
-) -> float:
-    """Width of a pixel at the person (m): the median over frames, then the largest value over cameras."""
+def _pixels_between(
+    cameras: Cameras, middles: Float[np.ndarray, "frames 3"], empty_views: Bool[np.ndarray, "frames cams"], edge: float
+) -> Int[np.ndarray, " cams"]:
+    """How far any point may be from the nearest centre of a voxel of this `edge` (m), in pixels of each view."""
     depths = np.einsum("ci,fi->fc", np.asarray(cameras.R)[:, 2], middles) + np.asarray(cameras.t)[:, 2]
-    sizes = np.where(empty_views | (depths <= 0), np.nan, depths / np.asarray(cameras.K)[:, 0, 0])
-    return float(np.nanmax(np.nanmedian(sizes[:, ~np.isnan(sizes).all(0)], axis=0), initial=0.0))
+    nearest = np.where(empty_views | (depths <= 0), np.inf, np.maximum(depths - _NEARER, depths / 2)).min(0)
+    focal = np.asarray(cameras.K)[:, [0, 1], [0, 1]].max(1)
+    # At least one, because both points are rounded to whole pixels.
+    return np.maximum(np.ceil(np.sqrt(3) / 2 * edge * focal / nearest).astype(int), 1)
 
 
 def body_middles(

@@ -24,7 +24,18 @@ from ..body_calibration import (
 )
 from ..matching import Limbs
 from ..refinement.terms import Observed
-from ..search import Hypotheses, Search, fit_poses, fit_scales, graphless_poses, make_model, solve_frames, start_poses
+from ..search import (
+    Hypotheses,
+    Search,
+    fit_pool,
+    fit_poses,
+    fit_scales,
+    graphless_poses,
+    make_model,
+    pool_of,
+    solve_frames,
+    start_poses,
+)
 from ._observe_batch import Labelled, Outlines
 from ._prepared import Costs
 
@@ -169,6 +180,19 @@ class _Given(NamedTuple):
         starts = start_poses(limbs, facing, body.skeleton)
         return solve_frames(make_model(body, self.search.objective), self.search, starts, fallback, self.stack, frames)
 
+    def poses_from(self, found: Hypotheses, shape: Shape) -> Hypotheses:
+        """The poses of another body of nearly the same shape, from those found; searched for where none fits."""
+        model = make_model(measured_body(self.template, shape), self.search.objective)
+        every, count = np.arange(len(found.cost)), found.cost.shape[1]
+        pool = take(pool_of(found.poses, every), np.isfinite(found.cost).ravel())
+        fitted = fit_pool(model.body, model.objective, pool, self.stack, _SCALES).rows(every, count)
+        doubtful = np.flatnonzero(fitted.cost[:, 0] > self.search.doubtful)
+        if len(doubtful) == 0:
+            return fitted
+        again = self.poses_of(shape, doubtful)
+        better = again.cost[:, 0] < fitted.cost[doubtful, 0]
+        return fitted.replaced(doubtful[better], take(again, better))
+
 
 def _of_other_sizes_and_clothes(
     given: _Given, shape: Shape, found: Hypotheses, sizes: tuple[float, ...], on_stage: Callable[[str], None]
@@ -204,7 +228,7 @@ def _carrying(given: _Given, start: Shape, luggage: Luggage, on_stage: Callable[
 
 def _settled(given: _Given, shape: Shape, found: Hypotheses, on_stage: Callable[[str], None]) -> Subject:
     """Adjust the body and its poses, and search again with it, until neither stature nor costs change."""
-    template, every = given.template, np.arange(len(given.sight.middles))
+    template = given.template
     before, cost = measured_body(template, shape).skeleton.stature, float(np.median(found.cost[:, 0]))
     thinned = given.stack.thinned(THINNED)
     for turn in range(_ROUNDS):
@@ -220,7 +244,7 @@ def _settled(given: _Given, shape: Shape, found: Hypotheses, on_stage: Callable[
             break
         cost = now
         on_stage(STAGES[2])
-        found = given.poses_of(shape, every)
+        found = given.poses_from(found, shape)
     on_stage(STAGES[4])
     poses = take(adjusted.poses, np.flatnonzero(used))
     model = make_model(body, given.search.objective)

@@ -8,6 +8,7 @@ from ._ahead import any_poses as any_poses
 from ._ahead import fits_ahead as fits_ahead
 from ._ahead import limbs_ahead as limbs_ahead
 from ._costs import costs_by_term as costs_by_term
+from ._fit import fit_pool as fit_pool
 from ._fit import fit_poses as fit_poses
 from ._fit import fit_scales as fit_scales
 from ._follow_frame import begun as begun
@@ -20,6 +21,7 @@ from ._gaps import over_gap as over_gap
 from ._gauss_newton import DAMPING as DAMPING
 from ._gauss_newton import RELATIVE_DAMPING as RELATIVE_DAMPING
 from ._hypotheses import Hypotheses as Hypotheses
+from ._hypotheses import pool_of as pool_of
 from ._initial_poses import initial_poses as initial_poses
 from ._model import Model as Model
 from ._model import make_model as make_model

@@ -33,6 +33,16 @@ class Hypotheses(eqx.Module):
         rows = np.arange(len(order))[:, None]
         return jax.tree.map(lambda a: a[rows, order], self)
 
+    def replaced(self, frames: Int[np.ndarray, " some"], others: "Hypotheses") -> "Hypotheses":
+        """The same with those of some frames replaced."""
+
+        def put(own: np.ndarray, other: np.ndarray) -> np.ndarray:
+            own = np.array(own)
+            own[frames] = other
+            return own
+
+        return jax.tree.map(put, self, others)
+
 
 class Pool(eqx.Module):
     """Poses of the frames of a stack, any number for each frame.

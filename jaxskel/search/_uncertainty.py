@@ -12,8 +12,8 @@ from ._unexplained import trust_in_explained
 # Standard deviation of each joint as a share of what the normal equations of `volume_objective` say, and the deviation
 # (m) from which on they say too little: a limb that hardly any outline touches may be elsewhere altogether.
 _SHARES = {
-    "pelvis": 0.47, "neck": 0.43, "head": 0.35, "shoulder": 0.3, "elbow": 0.22, "hand": 0.37, "hip": 0.36, "knee": 0.3,
-    "foot": 0.18,
+    "pelvis": 0.47, "neck": 0.43, "head": 0.35, "shoulder": 0.3, "elbow": 0.22, "hand": 0.41, "hip": 0.36, "knee": 0.3,
+    "foot": 0.17,
 }  # fmt: skip
 _UNSEEN, _POWER = 0.05, 6
 # Largest deviation (m): a joint that nothing shows is nevertheless a part of a body that something shows.

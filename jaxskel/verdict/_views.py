@@ -1,6 +1,5 @@
 """Silhouettes and cameras at a reduced size, and the projections of points around the person into them."""
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import cv2
@@ -78,9 +77,7 @@ def reduce_views(cameras: Cameras, silhouettes: UInt8[np.ndarray, "frames cams h
     for c in range(len(cameras)):
         there = ~empty_views[:, c]
         masks[there, c] = reduced_silhouettes(cameras, c, silhouettes[there, c])
-    # The centre of the first pixel, of either size, is (0, 0).
-    shrink = np.array([[[1 / s, 0, (1 / s - 1) / 2], [0, 1 / s, (1 / s - 1) / 2], [0, 0, 1]] for s in steps])
-    return ReducedViews(replace(cameras, K=shrink @ np.asarray(cameras.K), size=sizes), masks, steps)
+    return ReducedViews(cameras.reduced(steps), masks, steps)
 
 
 def reduced_silhouettes(

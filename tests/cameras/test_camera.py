@@ -179,6 +179,17 @@ def test_a_rotated_rig_sees_the_rotated_world():
     np.testing.assert_allclose(cameras.rotated(turn).centres, cameras.centres @ turn.T, atol=1e-12)
 
 
+@pytest.mark.parametrize("lens", LENSES)
+def test_a_reduced_camera_sees_the_pixel_that_holds_the_pixel(lens):
+    whole = camera(lens, size=(641, 480))
+    points = seen_points(whole)
+    reduced = whole.reduced(np.full(len(whole), 8))
+    np.testing.assert_array_equal(reduced.size, [[81, 60]] * len(whole))
+    for fine, coarse in zip(project(whole, points)[:2], project(reduced, points)[:2], strict=True):
+        # The centre of the first pixel is 0.
+        np.testing.assert_allclose(coarse, (fine + 0.5) / 8 - 0.5, atol=1e-6)
+
+
 def test_choosing_cameras():
     rng = np.random.default_rng(0)
     R = Rotation.random(4, rng).as_matrix()

@@ -23,6 +23,14 @@ def numbers(found: Pool) -> list[int]:
     return found.poses.root[:, 0].astype(int).tolist()
 
 
+def test_those_of_some_frames_are_replaced():
+    before = Hypotheses(numbered(np.arange(6).reshape(3, 2)), np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]))
+    after = before.replaced(np.array([2, 0]), Hypotheses(numbered(np.array([[7, 8], [9, 10]])), -np.ones((2, 2))))
+    np.testing.assert_array_equal(after.poses.root[..., 0], [[9, 10], [2, 3], [7, 8]])
+    np.testing.assert_array_equal(after.cost, [[-1.0, -1.0], [3.0, 4.0], [-1.0, -1.0]])
+    np.testing.assert_array_equal(before.cost[0], [1.0, 2.0])
+
+
 def test_ordered_takes_poses_and_costs_along():
     cost = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
     new = Hypotheses(numbered(np.arange(6).reshape(2, 3)), cost).ordered(np.array([[2, 0], [1, 1]]))
