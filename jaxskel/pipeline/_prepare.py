@@ -37,7 +37,8 @@ from ._ahead import compile_ahead
 from ._observe_batch import label_graphs, observe_batch
 from ._prepared import Prepared
 from ._settings import Settings
-from ._subject import OTHER_SIZES, find_subject, sight_of
+from ._subject import OTHER_SIZES, find_subject
+from ._subject_frames import sight_of
 
 SUBJECT_FRAMES = 24
 """Largest number of frames that a subject is found in."""
