@@ -13,7 +13,7 @@ from ._projection_table import projection_table
 from ._widened_views import steps_for, widened
 
 _COARSE = 3  # edge of a coarse voxel, in fine voxels
-_COARSEST = 0.045  # largest edge of a coarse voxel (m): hands and forearms fall between centres farther apart
+_COARSEST = 0.045  # largest edge of a coarse voxel (m): silhouettes are widened by what lies between centres
 _REACH = 1.5  # no part of a person is farther from the middle of the body (m)
 _MARGIN = 2  # around the coarse hulls, in fine voxels: what touches the edge of a grid may reach out of it
 _SAMPLED_MARGIN = 0.25  # the same if only a sample of the frames was carved (m)
