@@ -13,7 +13,11 @@ from ._projection_table import projection_table
 from ._widened_views import steps_for, widened
 
 _COARSE = 3  # edge of a coarse voxel, in fine voxels
+_FARTHEST = np.sqrt(3) / 2  # from any point to the nearest centre of a voxel, in edges
 _COARSEST = 0.045  # largest edge of a coarse voxel (m): silhouettes are widened by what lies between centres
+# Up to this many pixels between their centres, coarse voxels are made finer until it is one: silhouettes are widened by
+# whole pixels, and two of them blew grids in small images up by half a metre.
+_NEARLY_ONE = 1.5
 _REACH = 1.5  # no part of a person is farther from the middle of the body (m)
 _MARGIN = 2  # around the coarse hulls, in fine voxels: what touches the edge of a grid may reach out of it
 _SAMPLED_MARGIN = 0.25  # the same if only a sample of the frames was carved (m)
@@ -57,10 +61,13 @@ def place_grid(
     others = None if hidden is None else hidden[chosen]
     silhouettes, empty_views = silhouettes[chosen], empty_views[chosen]
     middles = body_middles(cameras, silhouettes, empty_views)
-    coarse = make_grid(middles.min(0) - _REACH, middles.max(0) + _REACH, min(_COARSE * spacing, _COARSEST))
     # Between the centres of coarse voxels there is room for a forearm. Widened by what lies between them, silhouettes
     # lose nothing: each point of a hull is in a coarse voxel that is kept.
-    pixels = _pixels_between(cameras, middles, empty_views, coarse.spacing)
+    scales = _largest_scales(cameras, middles, empty_views)
+    edge = _coarse_edge(spacing, scales)
+    # One pixel at least, because the projections of both points are rounded.
+    pixels = np.ceil(np.maximum(_FARTHEST * edge * scales, 1) - 1e-6).astype(int)
+    coarse = make_grid(middles.min(0) - _REACH, middles.max(0) + _REACH, edge)
     silhouettes = widened(cameras, silhouettes, pixels)
     others = None if others is None else widened(cameras, others, pixels)
     height, width = silhouettes.shape[2], 8 * silhouettes.shape[3]
@@ -79,15 +86,20 @@ def place_grid(
     return make_grid(lower, upper, spacing)
 
 
-def _pixels_between(
-    cameras: Cameras, middles: Float[np.ndarray, "frames 3"], empty_views: Bool[np.ndarray, "frames cams"], edge: float
-) -> Int[np.ndarray, " cams"]:
-    """How far any point may be from the nearest centre of a voxel of this `edge` (m), in pixels of each view."""
+def _largest_scales(
+    cameras: Cameras, middles: Float[np.ndarray, "frames 3"], empty_views: Bool[np.ndarray, "frames cams"]
+) -> Float[np.ndarray, " cams"]:
+    """Pixels per metre of each view, at the limb that comes nearest to the camera; 0 where it never sees a person."""
     depths = np.einsum("ci,fi->fc", np.asarray(cameras.R)[:, 2], middles) + np.asarray(cameras.t)[:, 2]
     nearest = np.where(empty_views | (depths <= 0), np.inf, np.maximum(depths - _NEARER, depths / 2)).min(0)
-    focal = np.asarray(cameras.K)[:, [0, 1], [0, 1]].max(1)
-    # At least one, because both points are rounded to whole pixels.
-    return np.maximum(np.ceil(np.sqrt(3) / 2 * edge * focal / nearest).astype(int), 1)
+    return np.asarray(cameras.K)[:, [0, 1], [0, 1]].max(1) / nearest
+
+
+def _coarse_edge(spacing: float, scales: Float[np.ndarray, " cams"]) -> float:
+    """Edge of a coarse voxel (m), for voxels of this `spacing` and views of these `scales` (px per m)."""
+    edge = min(_COARSE * spacing, _COARSEST)
+    between = _FARTHEST * edge * scales.max()
+    return edge / between if 1 < between <= _NEARLY_ONE else edge
 
 
 def body_middles(

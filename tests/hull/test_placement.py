@@ -60,7 +60,7 @@ def test_grid_contains_the_body(body):
     assert contains(grid, body)
     # It is laid around the body, not around the room.
     span = (body[:, :3] + body[:, 3:]).max(0) - (body[:, :3] - body[:, 3:]).min(0)
-    assert (grid.upper - np.asarray(grid.origin) < span + 0.8).all()
+    assert (grid.upper - np.asarray(grid.origin) < span + 0.7).all()
 
 
 @pytest.mark.slow
