@@ -1,7 +1,7 @@
 """Automatic placement of the voxel grid around the person in all frames."""
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Float, UInt8
 
 from ..cameras import Cameras, rays
 from ..recording import MIN_VIEWS, Silhouettes, silhouette_centroids
