@@ -11,3 +11,4 @@ from ._luggage import carrying as carrying
 from ._luggage import find_luggage as find_luggage
 from ._luggage import prior_with_luggage as prior_with_luggage
 from ._luggage import usual_backpack as usual_backpack
+from ._worn import worn_around_joints as worn_around_joints

@@ -21,8 +21,8 @@ _ASIDE = ("seat", "waist", "chest", "girdle", "nape", "face", "crown")
 # of shifts is never larger: heads were placed 13 cm in front of their necks (Pose2Sim's recording), and 17 cm behind
 # under a hood (three cameras).
 _THICKER, _SHIFTED, _NOTHING = 0.05, 0.01, 1e-4
-# Flesh that deviates by fewer standard deviations than this is no sign of clothes.
-_FLESH_DEVIATIONS = 2.0
+FLESH_DEVIATIONS = 2.0
+"""Flesh that deviates by fewer standard deviations than this is no sign of clothes."""
 
 
 def _worn() -> Int[np.ndarray, " worn"]:
@@ -68,7 +68,7 @@ class Clothing(eqx.Module):
         inverse = 1 / np.diagonal(precision)[_WORN]
         off = (precision @ (vector - prior.mean.vector))[_WORN] * inverse
         flesh = np.maximum(inverse - self.deviations**2, 0.0)
-        explained = np.maximum(off**2 - _FLESH_DEVIATIONS**2 * flesh, _NOTHING**2)
+        explained = np.maximum(off**2 - FLESH_DEVIATIONS**2 * flesh, _NOTHING**2)
         halfway = np.sqrt((self.deviations**2 + np.where(_GROWS & (off < 0), _NOTHING**2, explained)) / 2)
         # What is worn only in front of a part, or only behind it, makes it thicker, too.
         return Clothing(np.where(_GROWS, halfway, np.minimum(np.minimum(halfway, _SHIFTED), halfway[_RADIUS_OF])))

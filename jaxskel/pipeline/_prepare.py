@@ -19,6 +19,7 @@ from ..body import (
     make_skeleton,
     people_prior,
 )
+from ..body_calibration import worn_around_joints
 from ..cameras import Cameras
 from ..graph import SkeletalGraph
 from ..hull import (
@@ -152,7 +153,8 @@ def with_model(prepared: Prepared, settings: Settings) -> Prepared:
     """The same with the body prepared for the search, if there is one."""
     if settings.search is None:
         return prepared
-    return replace(prepared, model=make_model(prepared.body, settings.search.objective))
+    model = make_model(prepared.body, settings.search.objective)
+    return replace(prepared, model=model, worn=worn_around_joints(prepared.body))
 
 
 def _min_views(settings: Settings, cameras: Cameras) -> int:

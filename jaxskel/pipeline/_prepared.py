@@ -4,7 +4,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ..body import Body, Skeleton
+from ..body import JOINT_NAMES, Body, Skeleton
 from ..cameras import Cameras
 from ..hull import ProjectionTable
 from ..search import Model
@@ -38,6 +38,7 @@ class Prepared(eqx.Module):
         stature_deviation: Standard deviation of the skeleton's stature (m); None where it was given or is a guess.
         clothes: Root mean square thickness of what the subject wears (m), as far as the calibration of its body found
             it.
+        worn: Thickness of what is worn around each joint (m), as far as the body shows it.
         model: The body prepared for the search; None without a search.
         scale: Size of the world of all stages over that of the recording: bodies of other templates are made as large
             as a person, for whom the stages' lengths hold.
@@ -54,5 +55,6 @@ class Prepared(eqx.Module):
     costs: Costs | None
     stature_deviation: float | None = None
     clothes: float = 0.0
+    worn: Float[np.ndarray, "joints=15"] = eqx.field(default_factory=lambda: np.zeros(len(JOINT_NAMES)))
     model: Model | None = None
     scale: float = 1.0

@@ -236,7 +236,7 @@ def _start_from(
 
     def uncertainty(refined: Refined) -> Uncertainty:
         return searched_uncertainty(
-            away, found.cost, np.asarray(refined.covariance), unusual, unexplained, prepared.clothes
+            away, found.cost, np.asarray(refined.covariance), unusual, unexplained, prepared.clothes, prepared.worn
         )
 
     return Start(found.best, observed, unexplained < NOT_THE_SUBJECT, sides, uncertainty, found)

@@ -10,8 +10,9 @@ from jaxtyping import Float
 from .._runtime.kinds import check_count, check_number
 from .._runtime.steps import Steps
 from ..body import Pose
-from ._uncertainty import variance_in_clothes
 
+# Thickness of clothes (m) in which margins are twice those of naked people.
+_CLOTHES = 0.015
 # Frames per second below which a person may turn round between two frames.
 _TURNING = 8.0
 
@@ -47,8 +48,9 @@ class Tracking(eqx.Module):
             clothes: Root mean square thickness of what the subject wears (m); margins grow as costs tell less.
             fps: Frames per second; between frames that are far apart, a person may turn round.
         """
-        margin = self.margin * variance_in_clothes(clothes)
-        turn = self.turn_margin * variance_in_clothes(clothes) if fps >= _TURNING else margin
+        wider = 1.0 + (clothes / _CLOTHES) ** 2
+        margin = wider * self.margin
+        turn = wider * self.turn_margin if fps >= _TURNING else margin
         return replace(self, margin=margin, turn_margin=max(turn, margin))
 
 

@@ -118,11 +118,27 @@ def test_unexplained_outlines_lower_the_confidence_to_zero():
 
 def test_clothes_widen_all_joints_and_bring_rivals_nearer():
     joints, costs = hypotheses(True), np.array([[5.0, 6.0]])
-    naked, clothed = (searched_uncertainty(joints, costs, SEEN, USUAL, np.zeros(1), clothes) for clothes in (0.0, 0.03))
+    naked, clothed = (searched_uncertainty(joints, costs, SEEN, USUAL, np.zeros(1), clothes) for clothes in (0.0, 0.07))
     # Twice the thickness that doubles the variance: five times the variance.
     alone = np.delete(np.arange(15), 5)
     np.testing.assert_allclose(clothed.covariance[0, alone, 1, 1], 5 * naked.covariance[0, alone, 1, 1], rtol=1e-5)
     assert clothed.confidence[0, 5] < naked.confidence[0, 5] - 0.1
+
+
+def test_a_joint_is_as_uncertain_as_what_is_worn_around_it_is_thick():
+    joints, costs, worn = hypotheses(False), np.array([[5.0, 5.0]]), np.zeros(15)
+    worn[2] = 0.1  # the head, under a hood
+    bare, hooded, twice = (
+        searched_uncertainty(joints, costs, SEEN, USUAL, np.zeros(1), 0.0, k * worn) for k in range(3)
+    )
+    added, doubled = (found.covariance[0] - bare.covariance[0] for found in (hooded, twice))
+    np.testing.assert_allclose(np.delete(added, 2, axis=0), 0.0)
+    assert 0.05**2 < added[2, 0, 0] < 0.1**2
+    np.testing.assert_allclose(added[2], added[2, 0, 0] * np.eye(3), atol=1e-8)
+    np.testing.assert_allclose(doubled[2], 4 * added[2], rtol=1e-4)
+    assert bare.confidence[0, 2] > 0.99
+    assert hooded.confidence[0, 2] < 0.7
+    assert twice.confidence[0, 2] < 0.3
 
 
 def test_where_no_body_explains_the_silhouettes_nothing_is_sure():
