@@ -32,7 +32,7 @@ _CLOTHES = 0.035
 # Standard deviation of each joint as a share of the thickness of what is worn around it: so that the truth is within
 # two and three deviations as often as it should be (crowd p00 to p07, seeds 4 and 5 of the clothes).
 _HIDDEN = {
-    "pelvis": 0.9, "neck": 0.5, "head": 0.7, "shoulder": 0.4, "elbow": 0.6, "hand": 0.6, "hip": 0.6, "knee": 0.4,
+    "pelvis": 0.9, "neck": 0.5, "head": 0.9, "shoulder": 0.4, "elbow": 0.6, "hand": 0.6, "hip": 0.6, "knee": 0.45,
     "foot": 0.15,
 }  # fmt: skip
 # Joints closer than this are in the same place (m), as in the paper's Table 1.
