@@ -34,6 +34,7 @@ from ._human import SEGMENT_OF_TIP as SEGMENT_OF_TIP
 from ._human import SEGMENT_PARENTS as SEGMENT_PARENTS
 from ._human import TIP_NAMES as TIP_NAMES
 from ._human import TIP_PARENTS as TIP_PARENTS
+from ._human import without_side as without_side
 from ._human_points import carriers_of as carriers_of
 from ._human_points import human_points as human_points
 from ._human_points import shares_of as shares_of

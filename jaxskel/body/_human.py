@@ -55,7 +55,8 @@ _ATTRACTED = {
 }  # fmt: skip
 
 
-def _of_side(name: str) -> str:
+def without_side(name: str) -> str:
+    """A name without its ``l_`` or ``r_``."""
     return name.removeprefix("l_").removeprefix("r_")
 
 
@@ -69,14 +70,14 @@ HUMAN_15 = SkeletonTemplate(
     segment_parents=SEGMENT_PARENTS,
     segment_of_joint=SEGMENT_OF_JOINT,
     segment_of_tip=SEGMENT_OF_TIP,
-    freedoms=tuple(_FREEDOMS.get(_of_side(name), FREE) if "_" in name else FREE for name in SEGMENT_NAMES),
+    freedoms=tuple(_FREEDOMS.get(without_side(name), FREE) if "_" in name else FREE for name in SEGMENT_NAMES),
     inner=(0, 1),
     described_by=(0, _L_FOOT, _R_FOOT),
     attracted=tuple(
         Attraction(JOINT_NAMES.index(name), tip, *((0.0, 0.4) if name.endswith("foot") else (0.2, 1.0)))
         for name, tip in _ATTRACTED.items()
     ),
-    firmness=tuple(_FIRMNESS.get(_of_side(name), 0.0) for name in SEGMENT_NAMES[1:]),
+    firmness=tuple(_FIRMNESS.get(without_side(name), 0.0) for name in SEGMENT_NAMES[1:]),
     pivots=_PIVOTS,
     segment_of_pivot=SEGMENT_OF_PIVOT,
     hinges=(

@@ -11,6 +11,7 @@ from ..body import (
     Body,
     flesh_prior,
     measured_body,
+    without_side,
 )
 from ._clothing import FLESH_DEVIATIONS
 
@@ -23,18 +24,14 @@ _AROUND = {
 }  # fmt: skip
 
 
-def _bare(name: str) -> str:
-    return name.removeprefix("l_").removeprefix("r_")
-
-
 def _mean_around() -> Float[np.ndarray, "joints=15 balls"]:
-    balls = [BALL_NAMES[ball].removeprefix("l_") for ball in FREE_BALLS]
-    around = np.array([[ball in _AROUND[_bare(joint)] for ball in balls] for joint in JOINT_NAMES], float)
+    balls = [without_side(BALL_NAMES[ball]) for ball in FREE_BALLS]
+    around = np.array([[ball in _AROUND[without_side(joint)] for ball in balls] for joint in JOINT_NAMES], float)
     return around / around.sum(1, keepdims=True)
 
 
 _MEAN_AROUND = _mean_around()
-_RADII = np.array([QUANTITIES.index(f"{_bare(BALL_NAMES[ball])} radius") for ball in FREE_BALLS])
+_RADII = np.array([QUANTITIES.index(f"{without_side(BALL_NAMES[ball])} radius") for ball in FREE_BALLS])
 
 
 def worn_around_joints(body: Body) -> Float[np.ndarray, "joints=15"]:

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from .._runtime.kinds import check_count, check_number
 from .._runtime.steps import Steps
 from ..body import Pose
+from ._uncertainty import variance_in_clothes
 
 # Thickness of clothes (m) in which margins are twice those of naked people.
 _CLOTHES = 0.015
@@ -48,7 +49,7 @@ class Tracking(eqx.Module):
             clothes: Root mean square thickness of what the subject wears (m); margins grow as costs tell less.
             fps: Frames per second; between frames that are far apart, a person may turn round.
         """
-        wider = 1.0 + (clothes / _CLOTHES) ** 2
+        wider = variance_in_clothes(clothes, _CLOTHES)
         margin = wider * self.margin
         turn = wider * self.turn_margin if fps >= _TURNING else margin
         return replace(self, margin=margin, turn_margin=max(turn, margin))

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .._math.gaussians import probability_within
-from ..body import JOINT_NAMES
+from ..body import JOINT_NAMES, without_side
 from ._unexplained import trust_in_explained
 
 # Standard deviation of each joint as a share of what the normal equations of `volume_objective` say, and the deviation
@@ -40,7 +40,7 @@ SAME_PLACE = 0.1
 
 
 def _of_joints(of: dict[str, float]) -> Float[np.ndarray, "joints=15"]:
-    return np.array([of[name.removeprefix("l_").removeprefix("r_")] for name in JOINT_NAMES])
+    return np.array([of[without_side(name)] for name in JOINT_NAMES])
 
 
 _SHARE_OF_JOINT, _HIDDEN_OF_JOINT = _of_joints(_SHARES), _of_joints(_HIDDEN)
@@ -56,6 +56,16 @@ class Uncertainty(NamedTuple):
 
     covariance: Float[np.ndarray, "frames joints 3 3"]
     confidence: Float[np.ndarray, "frames joints"]
+
+
+def variance_in_clothes(clothes: float, doubled: float) -> float:
+    """How many times larger a variance is than of naked people.
+
+    Args:
+        clothes: Root mean square thickness of what the subject wears (m).
+        doubled: Thickness at which it is twice as large (m).
+    """
+    return 1.0 + (clothes / doubled) ** 2
 
 
 def searched_uncertainty(
@@ -80,7 +90,7 @@ def searched_uncertainty(
         worn: The same of what is worn around each joint (m).
     """
     raw = np.sqrt(np.trace(covariance, axis1=-2, axis2=-1) / 3)
-    loose = 1.0 + (clothes / _CLOTHES) ** 2
+    loose = variance_in_clothes(clothes, _CLOTHES)
     hidden = _HIDDEN_OF_JOINT * worn
     doublings = np.clip((cost[:, 0] - cost_threshold) / _EXCESS_COST, 0.0, _DOUBLINGS)
     doublings += _DOUBLINGS_BEYOND * max(np.log2(cost_threshold / _NO_BODY), 0.0)
