@@ -41,7 +41,7 @@ from jaxskel.body import (
 from jaxskel.body_calibration import bundle_adjust
 
 AXES = 40
-LEFT_OUT = ("fingertip", "fingers front", "fingers out", "palm ", "finger ", "hem ", "bag_")
+LEFT_OUT = ("fingertip", "fingers front", "fingers out", "palm ", "finger ", "hem ", "bag_", "hair_")
 """Of hands only the length to the palm counts, because people open and close their hands."""
 _STEPS = 25
 # Wide priors for flesh (m) and for the direction of fingers (tangent of an angle); lengths and the middle are fixed.
@@ -84,7 +84,7 @@ def _known_lengths(skeleton: Skeleton, template: Skeleton) -> Prior:
         elif (
             quantity in LENGTH_NAMES
             or (quantity.endswith(" out") and quantity.split()[0] in BALL_NAMES)
-            or quantity.startswith("bag_")
+            or quantity.startswith(("bag_", "hair_"))
         ):
             deviations[place] = _FIXED
     return Prior(Shape(lengths, np.zeros(2), np.zeros((len(FREE_BALLS), 4))), np.diag(deviations**-2.0))

@@ -26,7 +26,7 @@ from ._template_body import balls_of_points
 
 BALL_NAMES = (
     "l_seat", "r_seat", "l_waist", "r_waist", "l_chest", "r_chest", "l_girdle", "r_girdle", "nape", "face", "crown",
-    "l_bag_top", "r_bag_top", "l_bag_low", "r_bag_low",
+    "hair_top", "hair_low", "l_bag_top", "r_bag_top", "l_bag_low", "r_bag_low",
     "l_shoulder", "l_elbow", "l_forearm", "l_wrist", "l_palm", "l_finger",
     "r_shoulder", "r_elbow", "r_forearm", "r_wrist", "r_palm", "r_finger",
     "l_hip", "l_knee", "l_calf", "l_hem", "l_ankle", "l_heel", "l_ball", "l_toe",
@@ -53,6 +53,9 @@ _MIDDLE_BALLS: dict[str, _Ball] = {
     "nape": ("chest", ("neck", 0.0, "neck"), (-0.002, 0.0, -0.019), 0.035),
     "face": ("head", ("neck", 0.5, "head_top"), (0.011, 0.0, -0.012), 0.045),
     "crown": ("head", ("head_top", 0.0, "head_top"), (-0.003, 0.0, -0.053), 0.052),
+    # Long hair that falls from the head over the back, if there is any. Otherwise these balls are hidden in the head.
+    "hair_top": ("head", ("neck", 0.5, "head_top"), (0.0, 0.0, 0.0), 0.006),
+    "hair_low": ("chest", ("neck", 0.0, "neck"), (-0.002, 0.0, -0.019), 0.006),
 }
 _SIDED_BALLS: dict[str, _Ball] = {
     "seat": ("pelvis", ("pelvis", 0.0, "pelvis"), (0.002, 0.031, 0.002), 0.074),
@@ -80,6 +83,7 @@ _SIDED_BALLS: dict[str, _Ball] = {
 }
 _MIDDLE_LINKS = (
     ("l_seat", "r_seat"), ("l_waist", "r_waist"), ("l_chest", "r_chest"), ("nape", "face"), ("face", "crown"),
+    ("hair_top", "hair_low"),
 )  # fmt: skip
 # Links of each side, from the trunk outwards.
 _SIDED_LINKS = (

@@ -54,7 +54,7 @@ class Shape(eqx.Module):
 
     lengths: Float[Array | np.ndarray, "lengths=11"]
     fingers: Float[Array | np.ndarray, "2"]
-    balls: Float[Array | np.ndarray, "free=23 4"]
+    balls: Float[Array | np.ndarray, "free=25 4"]
 
     @classmethod
     def of(cls, vector: Float[Array | np.ndarray, " unknowns"]) -> "Shape":
@@ -176,8 +176,8 @@ def _unlike(template: Skeleton) -> Float[np.ndarray, " unknowns"]:
     for place, quantity in enumerate(QUANTITIES[FLESH_FROM:]):
         ball, what = quantity.split()
         flesh[place] = _HAND_PLAYS.get(ball, flesh[place])
-        # Middle balls stay in the middle, and bags in the chest unless one is found.
-        if (what == "out" and ball in BALL_NAMES) or ball.startswith("bag"):
+        # Middle balls stay in the middle, and bags in the chest and hair in the head unless some is found.
+        if (what == "out" and ball in BALL_NAMES) or ball.startswith(("bag", "hair")):
             flesh[place] = _NO_PLAY
     return np.concatenate([lengths, [_FINGERS_PLAY, _FINGERS_PLAY], flesh])
 

@@ -31,6 +31,7 @@ from ..body import (
 )
 from ..refinement.parametrisations import HingedLimbs
 from ..refinement.terms import (
+    ArmPrior,
     CapsuleTerm,
     ContourContact,
     InsideSilhouettes,
@@ -272,8 +273,9 @@ def _linearised(
 
 
 def _others(body: Body) -> Objective:
-    """The terms of the objective that do not depend on the silhouettes."""
-    terms = {name: term for name, term in volume_objective(body).terms.items() if not isinstance(term, CapsuleTerm)}
+    """The terms of the objective that do not depend on the silhouettes, without the prior of arms."""
+    every = volume_objective(body).of_frames.items()
+    terms = {name: term for name, term in every if not isinstance(term, CapsuleTerm | ArmPrior)}
     return eqx.tree_at(lambda o: o.terms["rest"].weight, Objective(terms), _REST * terms["rest"].weight)
 
 

@@ -13,7 +13,7 @@ from ..body import QUANTITIES, Prior, Shape
 
 # Hands and feet are seen as they are, or in shoes, which the table's deviations allow for: trousers end at the hem. If
 # ankles and heels grew to the width of trousers, legs would become too short. Bags are no flesh.
-_BARE = ("palm", "finger", "ankle", "heel", "ball", "toe", "bag_top", "bag_low")
+_BARE = ("palm", "finger", "ankle", "heel", "ball", "toe", "bag_top", "bag_low", "hair_top", "hair_low")
 # What is worn may be in front of these or, like a bag, behind them. Around limbs it is equally thick, so that their
 # flesh still tells front and back apart.
 _ASIDE = ("seat", "waist", "chest", "girdle", "nape", "face", "crown")

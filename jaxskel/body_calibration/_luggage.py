@@ -4,8 +4,6 @@ A search that does not know of a backpack explains it by an arm that reaches int
 chest, and what is carried on it does not.
 """
 
-from typing import NamedTuple
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,25 +11,11 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._runtime.batching import single_precision, take
 from .._runtime.compile_cache import quickly_compiled
-from ..body import (
-    BALL_NAMES,
-    FREE_BALLS,
-    QUANTITIES,
-    SEGMENT_NAMES,
-    Body,
-    Pose,
-    Prior,
-    Shape,
-    Skeleton,
-    all_distances,
-    capsule_ends,
-    limb_capsules,
-)
+from ..body import SEGMENT_NAMES, Body, Pose, all_distances, capsule_ends, limb_capsules
 from ..refinement.terms import Observed, place
+from ._additions import Addition, luggage
 
 _CHEST = SEGMENT_NAMES.index("chest")
-_BALLS = tuple(FREE_BALLS.index(BALL_NAMES.index(f"l_bag_{end}")) for end in ("top", "low"))
-_OWN = [QUANTITIES.index(f"bag_{end} front") + part for end in ("top", "low") for part in range(4)]
 # Points about the turning centre of the chest (m): farthest to the front, back, sides, down and up, and their spacing.
 _FRONT, _SIDE, _DOWN, _UP, _SPACING = 0.5, 0.45, 0.15, 0.75, 0.03
 # A point is carried if the silhouettes show it in this share of the frames, at least this far (m) from trunk, head and
@@ -41,30 +25,9 @@ _SEEN, _APART, _NO_ARM = 0.75, 0.02, 0.4
 _FRAMES = 32
 # Volume from which on it is luggage (l). Backpacks of 12 to 25 l give 10 to 23 l, coats and hair below 1 l.
 _LITRES = 3.0
-# Standard deviation of where it is and how thick it is (m), before the adjustment.
-_ROUGHLY = 0.03
-# A backpack of 25 l on the back of a person of this stature (m): ends of the left half, and radius.
-_STATURE, _BACKPACK, _RADIUS = 1.7, ((-0.18, 0.07, 0.38), (-0.18, 0.07, 0.12)), 0.11
 
 
-class Luggage(NamedTuple):
-    """A bag as two upright capsules side by side, one the mirror image of the other (m, relative to the chest).
-
-    Attributes:
-        ends: Centres of the balls at the top and at the bottom of the left one.
-    """
-
-    ends: Float[np.ndarray, "ends=2 3"]
-    radius: float
-
-
-def usual_backpack(skeleton: Skeleton) -> Luggage:
-    """A backpack as large as usual for a person of this size, to start from where none was found."""
-    size = skeleton.stature / _STATURE
-    return Luggage(size * np.array(_BACKPACK), size * _RADIUS)
-
-
-def find_luggage(body: Body, poses: Pose, observed: Observed, frames: Int[np.ndarray, " used"]) -> Luggage | None:
+def find_luggage(body: Body, poses: Pose, observed: Observed, frames: Int[np.ndarray, " used"]) -> Addition | None:
     """Find what a subject carries on the chest, or None.
 
     Args:
@@ -89,25 +52,7 @@ def find_luggage(body: Body, poses: Pose, observed: Observed, frames: Int[np.nda
     radius = thick + _APART / 2
     aside, up = max(wide - radius, 0.0), max(tall - radius, 0.0)
     ends = np.array([[middle[0], aside, middle[2] + up], [middle[0], aside, middle[2] - up]])
-    return Luggage(ends, float(radius))
-
-
-def carrying(shape: Shape, body: Body, luggage: Luggage) -> Shape:
-    """The shape of a body, with luggage."""
-    balls = np.array(shape.balls)
-    for ball, end in zip(_BALLS, luggage.ends, strict=True):
-        at = FREE_BALLS[ball]
-        balls[ball, :3] += end - np.asarray(body.offsets)[at]
-        balls[ball, 3] += luggage.radius - np.asarray(body.radii)[at]
-    return Shape(shape.lengths, shape.fingers, balls)
-
-
-def prior_with_luggage(prior: Prior, shape: Shape) -> Prior:
-    """A prior that expects the luggage of a shape."""
-    mean, precision = prior.mean.vector, prior.precision.copy()
-    mean[_OWN] = shape.vector[_OWN]
-    precision[_OWN, _OWN] = _ROUGHLY**-2
-    return Prior(Shape.of(mean), precision)
+    return luggage(ends, float(radius))
 
 
 @quickly_compiled

@@ -33,7 +33,7 @@ from ..hull import (
 )
 from ..matching import estimate_size, estimate_stature, size_of_limbs
 from ..recording import Recording, find_empty_views, rotation_to_z_up, silhouette_areas
-from ..search import make_model
+from ..search import make_model, prior_in_clothes
 from ._ahead import compile_ahead
 from ._observe_batch import label_graphs, observe_batch
 from ._prepared import Prepared
@@ -153,7 +153,7 @@ def with_model(prepared: Prepared, settings: Settings) -> Prepared:
     """The same with the body prepared for the search, if there is one."""
     if settings.search is None:
         return prepared
-    model = make_model(prepared.body, settings.search.objective)
+    model = make_model(prepared.body, settings.search.objective, prior_in_clothes(prepared.clothes))
     return replace(prepared, model=model, worn=worn_around_joints(prepared.body))
 
 

@@ -37,6 +37,7 @@ from ..search import (
     lost,
     make_model,
     must_be_found,
+    prior_in_clothes,
     search_in_doubt,
     search_is_due,
     searched_uncertainty,
@@ -94,7 +95,11 @@ def start_of(
         The people seen, the start (None if nobody is seen), and the tracking state for the next batch.
     """
     search, tracking = settings.search, settings.tracking
-    model = None if search is None else prepared.model or make_model(prepared.body, search.objective)
+    model = (
+        None
+        if search is None
+        else prepared.model or make_model(prepared.body, search.objective, prior_in_clothes(prepared.clothes))
+    )
     needs_graph = objective.needs_graph or (model is not None and model.objective.needs_graph)
     if at_once == 1 and track is not None and model is not None and not needs_graph:
         followed = None

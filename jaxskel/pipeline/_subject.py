@@ -5,6 +5,7 @@ once. Both go on with the better body until it settles.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -14,17 +15,18 @@ from jaxtyping import Bool, Float
 from .._runtime.batching import filled, on_device, take
 from ..body import Body, Pose, Prior, Shape, Skeleton, measured_body, shaped_skeleton
 from ..body_calibration import (
-    Luggage,
+    Addition,
     bundle_adjust,
-    carrying,
     dressed,
     find_luggage,
-    prior_with_luggage,
+    prior_with_addition,
     usual_backpack,
+    usual_hair,
+    with_addition,
 )
-from ..search import Hypotheses, Search, fit_poses, make_model
+from ..search import Hypotheses, Search, fit_poses, make_model, prior_in_clothes
 from ._prepared import Costs
-from ._subject_frames import FINE, Given, Sight
+from ._subject_frames import FINE, NO_PRIOR, Given, Sight
 
 STAGES = ("searching", "adjusting", "searching again", "adjusting again", "judging")
 """What `find_subject` does, one after the other."""
@@ -45,13 +47,10 @@ _STEP = 1e-3
 # thick clothes: a real child costs 62 with the size that is right and 159 with the graph's,
 # an adult in wide trousers 110 with both.
 _THICK, _CLEARLY = 0.03, 0.75
-# Luggage must be better by this factor: backpacks cost 0.16 to 0.79 of what the same people cost without one, people in
-# skirts and coats but without luggage 0.99 to 1.5 times as much with a backpack (crowd p00 to p07, seed 4 of the
-# clothes), and a real person without luggage 0.98 times as much with what the hull holds behind the back.
-_WITH_LUGGAGE = 0.85
 # Clothes from this thickness on (m) may be a backpack that chest and arms explain, as those of a coat, a backpack and
 # four cameras: `crowd_17` cost 10.2 without and 5.0 with one, and 73 and 8 % of the hands were wrong.
 _HIDES_A_BAG = 0.03
+_HIDES_HAIR = 0.02
 # Largest number of searches and adjustments; they end when the stature changes by less than this share. A first guess
 # that is a quarter off needs more than two: each made up for a tenth.
 _ROUNDS, _SETTLED = 4, 0.01
@@ -110,24 +109,64 @@ def find_subject(
     on_stage(STAGES[0])
     shape = prior(template.stature).mean
     found = given.poses_of(shape, every)
-    subject = _without_luggage(given, shape, found, sizes, on_stage)
+    subject = _without_additions(given, shape, found, sizes, on_stage)
     # Also where the template fits: with three cameras, arms explained the whole of a backpack (`crowd_40` in clothes).
-    luggage = _luggage_of(subject, given)
-    if luggage is not None:
+    bag = _luggage_of(subject, given)
+    if bag is not None:
         given = given._replace(refits=False)
         if subject.refitted:
-            subject = _without_luggage(given, shape, found, sizes, on_stage)
-            luggage = _luggage_of(subject, given)
-    usual, loaded = prior(subject.body.skeleton.stature).mean, []
-    if luggage is not None:
-        loaded += [_carrying(given, start, luggage, on_stage) for start in (subject.shape, usual)]
+            subject = _without_additions(given, shape, found, sizes, on_stage)
+            bag = _luggage_of(subject, given)
+    usual, skeleton = prior(subject.body.skeleton.stature).mean, subject.body.skeleton
+    bags = [] if bag is None else [(start, bag) for start in (subject.shape, usual)]
     if subject.clothes >= _HIDES_A_BAG:
-        loaded.append(_carrying(given, usual, usual_backpack(subject.body.skeleton), on_stage))
-    best = min(loaded, key=_cost, default=subject)
-    return best if _cost(best) < _WITH_LUGGAGE * _cost(subject) else subject
+        bags.append((usual, usual_backpack(skeleton)))
+    hair = [(subject.shape, usual_hair(skeleton))] if subject.clothes >= _HIDES_HAIR else []
+    first = _with_addition(subject, given, bags + hair, on_stage)
+    if first is None:
+        return _with_priors(subject, given)
+    # Whoever has one of the two may have the other, too.
+    subject, given, addition = first
+    others = [(subject.shape, other) for _, other in (bags[-1:] if addition.is_hair else hair)]
+    both = _with_addition(subject, given, others, on_stage)
+    return _with_priors(subject, given) if both is None else _with_priors(*both[:2])
 
 
-def _without_luggage(
+def _with_addition(
+    without: Subject, given: Given, starts: list[tuple[Shape, Addition]], on_stage: Callable[[str], None]
+) -> tuple[Subject, Given, Addition] | None:
+    """The cheapest subject with one of some additions, and what is given then; None if none is worth it.
+
+    Args:
+        without: The subject without them.
+        given: What does not change.
+        starts: Additions, and the shapes without them to adjust each from. A shape that was found without luggage may
+            hold it in its chest, so the usual one is another start: joints of `crowd_36` (seed 4 of the clothes) are
+            33 mm off from the former, and 12 mm from the latter.
+        on_stage: Called with each of `STAGES` as it begins.
+    """
+    best, least = None, np.inf
+    for start, addition in starts:
+        shape = with_addition(start, measured_body(given.template, start), addition)
+        expects = partial(_expecting, given.prior, shape, addition)
+        loaded = given._replace(prior=expects, refits=False)
+        subject = _settled(loaded, shape, loaded.poses_of(shape, np.arange(len(given.sight.middles))), on_stage)
+        if _cost(subject) < min(addition.worth * _cost(without), least):
+            best, least = (subject, loaded, addition), _cost(subject)
+    return best
+
+
+def _expecting(prior: Callable[[float], Prior], shape: Shape, addition: Addition, stature: float) -> Prior:
+    return prior_with_addition(prior(stature), shape, addition)
+
+
+def _with_priors(subject: Subject, given: Given) -> Subject:
+    """The subject with costs of poses as the search of its frames knows them, with priors."""
+    prior = prior_in_clothes(subject.clothes)
+    return subject._replace(costs=_costs(given, subject.body, subject.poses, subject.used, prior))
+
+
+def _without_additions(
     given: Given, shape: Shape, found: Hypotheses, sizes: tuple[float, ...], on_stage: Callable[[str], None]
 ) -> Subject:
     if np.median(found.cost[given.tried, 0]) <= given.search.doubtful:
@@ -135,7 +174,7 @@ def _without_luggage(
     return _of_other_sizes_and_clothes(given, shape, found, sizes, on_stage)
 
 
-def _luggage_of(subject: Subject, given: Given) -> Luggage | None:
+def _luggage_of(subject: Subject, given: Given) -> Addition | None:
     return find_luggage(subject.body, subject.poses, given.stack, np.flatnonzero(subject.used))
 
 
@@ -164,17 +203,6 @@ def _of_other_sizes_and_clothes(
     return min(subjects, key=_cost)
 
 
-def _carrying(given: Given, start: Shape, luggage: Luggage, on_stage: Callable[[str], None]) -> Subject:
-    """The subject with luggage, adjusted from a shape without it.
-
-    The shape that was found without luggage may hold it in its chest, so the usual one is another start: joints of
-    `crowd_36` (seed 4 of the clothes) are 33 mm off from the former, and 12 mm from the latter.
-    """
-    shape = carrying(start, measured_body(given.template, start), luggage)
-    loaded = given._replace(prior=lambda stature: prior_with_luggage(given.prior(stature), shape))
-    return _settled(loaded, shape, loaded.poses_of(shape, np.arange(len(given.sight.middles))), on_stage)
-
-
 def _settled(given: Given, shape: Shape, found: Hypotheses, on_stage: Callable[[str], None]) -> Subject:
     """Adjust the body and its poses, and search again with it, until neither stature nor costs change."""
     template, every = given.template, np.arange(len(given.sight.middles))
@@ -198,7 +226,14 @@ def _settled(given: Given, shape: Shape, found: Hypotheses, on_stage: Callable[[
         found = given.poses_from(found, shape) if fits else given.poses_of(shape, every)
     on_stage(STAGES[4])
     poses = take(adjusted.poses, np.flatnonzero(used))
-    model = make_model(body, given.search.objective)
+    deviation = _stature_deviation(template, shape, adjusted.covariance)
+    costs = _costs(given, body, poses, used, NO_PRIOR)
+    return Subject(shape, body, adjusted.covariance, costs, poses, used, deviation, adjusted.clothes, refitted)
+
+
+def _costs(given: Given, body: Body, poses: Pose, used: Bool[np.ndarray, " frames"], prior: float) -> Costs:
+    """What the poses of a body cost if priors of poses count `prior` times."""
+    model = make_model(body, given.search.objective, prior)
     fitted = fit_poses(
         model.body,
         model.objective,
@@ -207,11 +242,7 @@ def _settled(given: Given, shape: Shape, found: Hypotheses, on_stage: Callable[[
         FINE,
     )
     low, typical = np.quantile(fitted.cost[:, 0], (0.1, 0.5))
-    deviation = _stature_deviation(template, shape, adjusted.covariance)
-    return Subject(
-        shape, body, adjusted.covariance, Costs(float(low), float(typical)), poses, used, deviation, adjusted.clothes,
-        refitted,
-    )  # fmt: skip
+    return Costs(float(low), float(typical))
 
 
 def _stature_deviation(template: Skeleton, shape: Shape, covariance: Float[np.ndarray, "lengths lengths"]) -> float:

@@ -27,6 +27,8 @@ from ._observe_batch import Labelled, Outlines
 _TRIED = 8
 FINE = fit_scales((0.04, 4))
 """Scales of a fit from poses that are nearly right."""
+NO_PRIOR = 0.0
+"""Bodies are found without priors of poses, which would make the same error in all frames of an unusual motion."""
 
 
 class Sight(NamedTuple):
@@ -70,11 +72,13 @@ class Given(NamedTuple):
         limbs, facing = take((self.sight.limbs, self.sight.facing), frames)
         fallback = graphless_poses(self.sight.middles, body.skeleton)
         starts = start_poses(limbs, facing, body.skeleton)
-        return solve_frames(make_model(body, self.search.objective), self.search, starts, fallback, self.stack, frames)
+        return solve_frames(
+            make_model(body, self.search.objective, NO_PRIOR), self.search, starts, fallback, self.stack, frames
+        )
 
     def poses_from(self, found: Hypotheses, shape: Shape) -> Hypotheses:
         """The poses of another body of nearly the same shape, from those found; searched for where none fits."""
-        model = make_model(measured_body(self.template, shape), self.search.objective)
+        model = make_model(measured_body(self.template, shape), self.search.objective, NO_PRIOR)
         every, count = np.arange(len(found.cost)), found.cost.shape[1]
         pool = take(pool_of(found.poses, every), np.isfinite(found.cost).ravel())
         fitted = fit_pool(model.body, model.objective, pool, self.stack, FINE).rows(every, count)

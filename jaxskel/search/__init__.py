@@ -42,6 +42,7 @@ from ._track_state import lost as lost
 from ._track_state import must_be_found as must_be_found
 from ._uncertainty import SAME_PLACE as SAME_PLACE
 from ._uncertainty import Uncertainty as Uncertainty
+from ._uncertainty import prior_in_clothes as prior_in_clothes
 from ._uncertainty import searched_uncertainty as searched_uncertainty
 from ._unexplained import NOT_THE_SUBJECT as NOT_THE_SUBJECT
 from ._unexplained import trust_in_explained as trust_in_explained

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from .._math.vectors import unit
 from ..body import (
     BALL_NAMES,
     LINKS,
@@ -49,6 +50,7 @@ class Limb(eqx.Module):
         segments: Chest or pelvis, upper bone, lower bone, hand or foot.
         balls: From shoulder or hip to palm or ball of the foot.
         others: Capsules of the rest of the body.
+        costs: Cost of each pose of the table, whatever the frame shows.
     """
 
     kind: str = eqx.field(static=True)
@@ -56,6 +58,7 @@ class Limb(eqx.Module):
     segments: Int[Array | np.ndarray, "parts=4"]
     balls: Int[Array | np.ndarray, "points=5"]
     others: Int[Array | np.ndarray, " capsules"]
+    costs: Float[Array | np.ndarray, " poses"]
 
 
 class Scored(eqx.Module):
@@ -84,14 +87,24 @@ _BALLS = {
 }
 
 
-def make_limb(skeleton: Skeleton, name: str) -> Limb:
-    """The limb with a name such as ``l_arm``."""
+def make_limb(skeleton: Skeleton, name: str, objective: Objective) -> Limb:
+    """The limb with a name such as ``l_arm``, for a search that minimises an objective."""
     side, kind = name[:2], name[2:]
     table = {"arm": arm_table, "leg": leg_table}[kind](skeleton, side[0])
     first, *rest = _SEGMENTS[kind]
     segments = [SEGMENT_NAMES.index(segment) for segment in (first, *(side + part for part in rest))]
     balls = [BALL_NAMES.index(side + ball) for ball in _BALLS[kind]]
-    return Limb(kind, table, np.array(segments, np.int32), np.array(balls, np.int32), without(name))
+    costs = _posture_costs(objective, kind, table, 1.0 if side == "l_" else -1.0)
+    return Limb(kind, table, np.array(segments, np.int32), np.array(balls, np.int32), without(name), costs)
+
+
+def _posture_costs(objective: Objective, kind: str, table: LimbTable, side: float) -> Float[np.ndarray, " poses"]:
+    middles, ends = np.asarray(table.upper_points)[table.direction, 1], np.asarray(table.lower_points)[:, 2]
+    bones = (bone * [1.0, side, 1.0] for bone in (middles, ends - middles))
+    directions = np.concatenate([unit(bone) for bone in bones], 1)
+    found = ((term.weight, term.posture_costs(kind, directions)) for term in objective.of_frames.values())
+    each = [float(weight) * costs for weight, costs in found if costs is not None]
+    return sum(each, np.zeros(len(directions))).astype(np.float32)
 
 
 def without(*limbs: str) -> Int[np.ndarray, " capsules"]:
@@ -147,7 +160,7 @@ def score_limb(
     upper_cost, index = _cheapest(outside(uppers, radii[:2])[directions], _INSIDE)
     lowers = origin[None, None] + lowers[index] @ turned.T
     uppers = uppers[directions[index]]
-    cost = upper_cost + outside(lowers, radii[2:])
+    cost = upper_cost + outside(lowers, radii[2:]) + jnp.asarray(limb.costs)[index]
     if limb.kind == "arm":
         ends, capsule_radii = _capsules(body, capsule_ends(body, placed.origins, placed.rotations), _TRUNK_AND_LEGS)
         low = jnp.concatenate([uppers[:, 1:], lowers], 1)

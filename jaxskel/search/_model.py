@@ -31,13 +31,18 @@ class Model(eqx.Module):
         return self.body.skeleton
 
 
-def make_model(body: Body, objective: GivenObjective = volume_objective) -> Model:
+def make_model(body: Body, objective: GivenObjective = volume_objective, prior: float = 1.0) -> Model:
     """Prepare a subject for a search that minimises an objective.
+
+    Args:
+        body: The subject's body.
+        objective: An objective, or a function that makes one for the body.
+        prior: Factor on the weights of priors of poses, see `Objective.with_prior`.
 
     Raises:
         ValueError: The objective couples frames.
     """
-    objective = objective_of(objective, body)
+    objective = objective_of(objective, body).with_prior(prior)
     if objective.couplings:
         raise ValueError(
             f"objective: a search looks at single frames, but {', '.join(objective.couplings)} couples them"
@@ -47,7 +52,7 @@ def make_model(body: Body, objective: GivenObjective = volume_objective) -> Mode
     arms = limb_capsules("l_arm", "r_arm")
     balls = np.isin(np.arange(len(BALL_NAMES)), np.setdiff1d(LINKS[arms], LINKS[~arms]))
     armless = eqx.tree_at(lambda b: b.radii, body, np.where(balls, -9, body.radii))
-    limbs = {name: make_limb(body.skeleton, name) for name in _LIMBS}
+    limbs = {name: make_limb(body.skeleton, name, objective) for name in _LIMBS}
     model = Model(body, single_precision(armless), limbs, single_precision(objective.of_body(body)))
     # Once, instead of with each of some hundred calls.
     return jax.tree.map(lambda leaf: jax.device_put(leaf) if hasattr(leaf, "dtype") else leaf, model)

@@ -28,7 +28,7 @@ _DOUBLINGS, _UNEXPLAINED = 5.0, 4.0
 # rope, 120 for a man on a chair.
 _NO_BODY, _DOUBLINGS_BEYOND = 55.0, 2.0
 # Thickness of clothes (m) that makes the variance of joints twice that of naked people, and costs tell half as much.
-_CLOTHES = 0.035
+_TWICE_AS_VAGUE = 0.035
 # Standard deviation of each joint as a share of the thickness of what is worn around it: so that the truth is within
 # two and three deviations as often as it should be (crowd p00 to p07, seeds 4 and 5 of the clothes).
 _HIDDEN = {
@@ -56,6 +56,11 @@ class Uncertainty(NamedTuple):
 
     covariance: Float[np.ndarray, "frames joints 3 3"]
     confidence: Float[np.ndarray, "frames joints"]
+
+
+def prior_in_clothes(clothes: float) -> float:
+    """How many times as much priors of poses count: costs tell less in clothes of that thickness (m)."""
+    return variance_in_clothes(clothes, _TWICE_AS_VAGUE)
 
 
 def variance_in_clothes(clothes: float, doubled: float) -> float:
@@ -90,7 +95,7 @@ def searched_uncertainty(
         worn: The same of what is worn around each joint (m).
     """
     raw = np.sqrt(np.trace(covariance, axis1=-2, axis2=-1) / 3)
-    loose = variance_in_clothes(clothes, _CLOTHES)
+    loose = variance_in_clothes(clothes, _TWICE_AS_VAGUE)
     hidden = _HIDDEN_OF_JOINT * worn
     doublings = np.clip((cost[:, 0] - cost_threshold) / _EXCESS_COST, 0.0, _DOUBLINGS)
     doublings += _DOUBLINGS_BEYOND * max(np.log2(cost_threshold / _NO_BODY), 0.0)

@@ -93,7 +93,9 @@ def test_dressed_adds_to_radii_but_of_hands_feet_and_bags():
     thicker = dressed(Shape.of(PRIOR.mean.vector), 0.03)
     grown = np.asarray(thicker.balls - PRIOR.mean.balls)
     np.testing.assert_array_equal(grown[:, :3], 0.0)
-    bare = np.isin(FREE, ["palm", "finger", "ankle", "heel", "ball", "toe", "bag_top", "bag_low"])
+    bare = np.isin(
+        FREE, ["palm", "finger", "ankle", "heel", "ball", "toe", "bag_top", "bag_low", "hair_top", "hair_low"]
+    )
     np.testing.assert_allclose(grown[:, 3], np.where(bare, 0.0, 0.03), atol=1e-12)
     naked, clothed = measured_body(ADULT, PRIOR.mean), measured_body(ADULT, thicker)
     assert clothed.skeleton.stature == naked.skeleton.stature

@@ -25,6 +25,7 @@ from jaxskel.refinement.solvers import default_solver
 from jaxskel.refinement.terms import (
     AbstractTerm,
     ArmCollision,
+    ArmPrior,
     ContourContact,
     EndNodeAttraction,
     GemanMcClure,
@@ -38,6 +39,8 @@ from jaxskel.refinement.terms import (
     Robust,
     ShoulderLimits,
     Symmetry,
+    arm_directions,
+    arm_prior,
     from_function,
     keypoints_term,
     place,
@@ -84,6 +87,11 @@ def truth_of(name: str) -> Pose:
     return Pose(TRUTH.root, np.broadcast_to(TRUTH.rotations[:1], (17, 3, 3))) if name == "rest prior" else TRUTH
 
 
+def arms_of(pose: Pose) -> ArmPrior:
+    """A prior of the arms of one pose."""
+    return arm_prior(np.asarray(arm_directions(place(ADULT, pose).joints)), np.ones(2))
+
+
 RAISED, BENT = turned("l_upper_arm", "x", 40), turned("l_shank", "y", -60)
 # Term; parametrisation and pose with a nonzero residual; bound of its residual at the truth. A voxel is 20 mm wide, a
 # pixel 11 mm.
@@ -97,6 +105,7 @@ TERMS = {
     "hinge limits": (HingeLimits(skeleton=ADULT), HINGED, BENT, 1e-6),
     "shoulder limits": (ShoulderLimits(skeleton=ADULT), HINGED, turned("l_upper_arm", "y", 70), 1e-6),
     "hip limits": (HipLimits(), HINGED, turned("l_thigh", "y", 60), 1e-6),
+    "arm prior": (arms_of(TRUTH), HINGED, RAISED, 0.05),
     "rest prior": (RestPrior(), HINGED, RAISED, 1e-5),
     "pose prior": (pose_prior(stacked(TRUTH, TRUTH)), HINGED, RAISED, 1e-4),
     "symmetry": (Symmetry(), SoftBones(), RAISED, 1e-6),

@@ -17,7 +17,9 @@ ADULT = default_adult()
 REST: dict[str, np.ndarray] = dict(
     zip(JOINT_NAMES + PIVOT_NAMES, np.concatenate([ADULT.rest_joints, ADULT.pivots]), strict=True)
 )
-LIMBS = {name: make_limb(ADULT, name) for name in ("l_arm", "l_leg", "r_arm", "r_leg")}
+LIMBS = {
+    name: make_limb(ADULT, name, volume_objective(make_body(ADULT))) for name in ("l_arm", "l_leg", "r_arm", "r_leg")
+}
 # Where limbs start, bend, and end; a pivot lies between the last two.
 CHAINS = {"arm": ("shoulder", "elbow", "wrist", "hand"), "leg": ("hip", "knee", "ankle", "foot")}
 

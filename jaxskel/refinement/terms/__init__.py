@@ -5,6 +5,10 @@ points, in `correspond`, once before each inner solve, so that the solver sees a
 """
 
 from ._arm_collision import ArmCollision as ArmCollision
+from ._arm_prior import ArmPrior as ArmPrior
+from ._arm_prior import arm_directions as arm_directions
+from ._arm_prior import arm_prior as arm_prior
+from ._arm_prior import usual_arms as usual_arms
 from ._base import AbstractCoupling as AbstractCoupling
 from ._base import AbstractTerm as AbstractTerm
 from ._base import Objective as Objective

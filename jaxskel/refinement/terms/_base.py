@@ -149,6 +149,13 @@ class AbstractTerm(eqx.Module):
         """The same term with another robust scale (m): fits begin with a large one. By default the term itself."""
         return self
 
+    def with_prior(self, factor: float) -> "AbstractTerm":
+        """The same term where all that is known without this frame counts `factor` times; by default the term itself.
+
+        Priors of poses count more where outlines tell less, as around clothes, and not at all where a body is found.
+        """
+        return self
+
     def ball_costs(
         self, points: Float[Array, "balls 3"], radii: Float[Array, " balls"], observed: Observed
     ) -> Float[Array, " balls"] | None:
@@ -172,6 +179,17 @@ class AbstractTerm(eqx.Module):
         capsule_radii: Float[Array, "capsules 2"],
     ) -> Float[Array, " balls"] | None:
         """Unweighted cost of an arm's balls (m) beside capsules of trunk, head and legs, as `ball_costs`."""
+        return None
+
+    def posture_costs(
+        self, limb: str, directions: Float[np.ndarray, "postures 6"]
+    ) -> Float[np.ndarray, " postures"] | None:
+        """Unweighted cost of how a limb is held, whatever the frame shows, as `ball_costs`.
+
+        Args:
+            limb: ``arm`` or ``leg``.
+            directions: Unit vectors along upper and lower bone: front, left, up of chest or pelvis, as of a left limb.
+        """
         return None
 
     def ray_costs(self, distance: Float[Array, "*rays"], observed: Observed) -> Float[Array, "*rays"] | None:
@@ -231,6 +249,10 @@ class Objective(eqx.Module):
     def at_scale(self, scale: Float[Array, ""]) -> "Objective":
         """The objective with another robust scale (m) in all terms that have one."""
         return self.plus(**{name: term.at_scale(scale) for name, term in self.of_frames.items()})
+
+    def with_prior(self, factor: float) -> "Objective":
+        """The objective with other weights of its priors, see `AbstractTerm.with_prior`; couplings stay as they are."""
+        return self.plus(**{name: term.with_prior(factor) for name, term in self.of_frames.items()})
 
     @property
     def of_frames(self) -> dict[str, AbstractTerm]:

@@ -2,6 +2,7 @@
 
 from ...body import LINKS, Body
 from ._arm_collision import ArmCollision
+from ._arm_prior import usual_arms
 from ._base import Objective
 from ._contour_contact import ContourContact
 from ._end_nodes import EndNodeAttraction
@@ -12,6 +13,9 @@ from ._inner_nodes import InnerNodeAttraction
 from ._inside_silhouettes import InsideSilhouettes
 from ._rest_prior import RestPrior, firmness
 from ._shoulder_limits import ShoulderLimits
+
+# A difference of costs that makes a pose less likely by a factor of e, see `_RIVAL_COST` in `search/_uncertainty.py`.
+_EVIDENCE = 0.7
 
 
 def paper_objective() -> Objective:
@@ -46,6 +50,7 @@ def volume_objective(body: Body) -> Objective:
             "hinges": HingeLimits(skeleton=body.skeleton, weight=40.0),
             "shoulders": ShoulderLimits(skeleton=body.skeleton, weight=300.0),
             "hips": HipLimits(weight=300.0),
+            "arms": usual_arms(weight=_EVIDENCE),
             "rest": RestPrior(
                 weight=0.2,
                 firmness=firmness(chest=8.0, head=5.0, clavicle=70.0, thigh=0.7, hand=6.0, foot=6.0),
