@@ -50,6 +50,7 @@ _THICK, _CLEARLY = 0.03, 0.75
 # Clothes from this thickness on (m) may be a backpack that chest and arms explain, as those of a coat, a backpack and
 # four cameras: `crowd_17` cost 10.2 without and 5.0 with one, and 73 and 8 % of the hands were wrong.
 _HIDES_A_BAG = 0.03
+# Clothes from this thickness on (m) may be hair that chest and arms explain. Hair alone is explained by the head.
 _HIDES_HAIR = 0.02
 # Largest number of searches and adjustments; they end when the stature changes by less than this share. A first guess
 # that is a quarter off needs more than two: each made up for a tenth.

@@ -59,8 +59,12 @@ class Uncertainty(NamedTuple):
 
 
 def prior_in_clothes(clothes: float) -> float:
-    """How many times as much priors of poses count: costs tell less in clothes of that thickness (m)."""
-    return variance_in_clothes(clothes, _TWICE_AS_VAGUE)
+    """How many times as much priors of poses count: costs tell less in clothes of that thickness (m).
+
+    The root of how much less: with all of it, priors decided more than they should in clothes of 6 to 8 cm. Of 128
+    hands of the tuning half in coats, 23 and 25 were wrong, 31 with the same weight for everybody, 38 without a prior.
+    """
+    return float(np.sqrt(variance_in_clothes(clothes, _TWICE_AS_VAGUE)))
 
 
 def variance_in_clothes(clothes: float, doubled: float) -> float:
