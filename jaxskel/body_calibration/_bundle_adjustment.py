@@ -31,7 +31,6 @@ from ..body import (
 )
 from ..refinement.parametrisations import HingedLimbs
 from ..refinement.terms import (
-    ArmPrior,
     CapsuleTerm,
     ContourContact,
     InsideSilhouettes,
@@ -55,7 +54,7 @@ _MEASUREMENTS, _DEVIATION = 30, 0.005
 _OF_MEDIAN = 1.48
 _CONTOURS = np.float32(_MEASUREMENTS / _DEVIATION**2)
 # Same ratio to the weight of the contours as in `volume_objective`.
-_INSIDE = _CONTOURS * 7e4 / 1.2e5
+_INSIDE = _CONTOURS * 7.16e4 / 1.2e5
 # Robust scale (m) of ray distances, for both signs: a body too fat is as wrong as one too thin.
 SCALE = np.float32(0.018)
 # In the first steps the scale (m) is wider and narrows by this factor, so that thick clothes attract the body. Until it
@@ -273,9 +272,8 @@ def _linearised(
 
 
 def _others(body: Body) -> Objective:
-    """The terms of the objective that do not depend on the silhouettes, without the prior of arms."""
-    every = volume_objective(body).of_frames.items()
-    terms = {name: term for name, term in every if not isinstance(term, CapsuleTerm | ArmPrior)}
+    """The terms of the objective that do not depend on the silhouettes."""
+    terms = {name: term for name, term in volume_objective(body).terms.items() if not isinstance(term, CapsuleTerm)}
     return eqx.tree_at(lambda o: o.terms["rest"].weight, Objective(terms), _REST * terms["rest"].weight)
 
 

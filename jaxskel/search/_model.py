@@ -6,7 +6,7 @@ import numpy as np
 
 from .._runtime.batching import single_precision
 from ..body import BALL_NAMES, LINKS, Body, Skeleton, limb_capsules
-from ..refinement.terms import GivenObjective, Objective, objective_of, volume_objective
+from ..refinement.terms import GivenObjective, Objective, objective_of, search_objective
 from ._limb_search import Limb, make_limb
 
 _LIMBS = "l_arm", "r_arm", "l_leg", "r_leg"
@@ -31,7 +31,7 @@ class Model(eqx.Module):
         return self.body.skeleton
 
 
-def make_model(body: Body, objective: GivenObjective = volume_objective, prior: float = 1.0) -> Model:
+def make_model(body: Body, objective: GivenObjective = search_objective, prior: float = 1.0) -> Model:
     """Prepare a subject for a search that minimises an objective.
 
     Args:

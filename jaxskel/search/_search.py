@@ -14,7 +14,7 @@ from .._runtime.batching import length_of, on_device, take
 from .._runtime.kinds import check_count, check_number
 from .._runtime.steps import Steps, finished
 from ..body import SEGMENT_NAMES, Pose, place_joints
-from ..refinement.terms import GivenObjective, Observed, check_given, volume_objective
+from ..refinement.terms import GivenObjective, Observed, check_given, search_objective
 from ._fit import fit_scales, fitting, in_chunks
 from ._hypotheses import Hypotheses, Pool, pool_of, select_distinct
 from ._limb_proposals import with_pairs, with_single
@@ -66,7 +66,7 @@ class Search(eqx.Module):
             poses.
     """
 
-    objective: GivenObjective = volume_objective
+    objective: GivenObjective = search_objective
     rough_steps: int = 4
     starts: int = 4
     leg_steps: int = 10

@@ -9,7 +9,7 @@ from support.observed_person import ADULT, BODY, HINGED, UNKNOWNS, standing, tur
 from support.phantoms import ideal_graph
 
 from jaxskel.body import MIRROR_JOINTS, place_joints
-from jaxskel.refinement.terms import arm_directions, arm_prior, place, usual_arms, volume_objective
+from jaxskel.refinement.terms import arm_directions, arm_prior, place, search_objective, usual_arms
 from jaxskel.search import make_model, prior_in_clothes
 
 PRIOR = usual_arms()
@@ -112,7 +112,7 @@ def test_a_prior_of_one_posture_is_content_with_it_only():
 
 
 def test_only_the_prior_is_a_prior():
-    objective = volume_objective(BODY)
+    objective = search_objective(BODY)
     clothed = objective.with_prior(2.5)
     for name, term in objective.of_frames.items():
         factor = 2.5 if name == "arms" else 1.0

@@ -9,7 +9,7 @@ from support.phantoms import pose_of
 from jaxskel import default_adult, make_body
 from jaxskel.body import JOINT_NAMES, PIVOT_NAMES, SEGMENT_NAMES, capsule_ends, limb_capsules, nearest_to_rays
 from jaxskel.outlines import Contours
-from jaxskel.refinement.terms import Observed, place, volume_objective
+from jaxskel.refinement.terms import Observed, place, search_objective, volume_objective
 from jaxskel.search._limb_search import Scored, best_pairs, best_single, make_limb, unexplained, with_limb, without
 from jaxskel.search._limb_tables import LimbTable
 
@@ -18,7 +18,7 @@ REST: dict[str, np.ndarray] = dict(
     zip(JOINT_NAMES + PIVOT_NAMES, np.concatenate([ADULT.rest_joints, ADULT.pivots]), strict=True)
 )
 LIMBS = {
-    name: make_limb(ADULT, name, volume_objective(make_body(ADULT))) for name in ("l_arm", "l_leg", "r_arm", "r_leg")
+    name: make_limb(ADULT, name, search_objective(make_body(ADULT))) for name in ("l_arm", "l_leg", "r_arm", "r_leg")
 }
 # Where limbs start, bend, and end; a pivot lies between the last two.
 CHAINS = {"arm": ("shoulder", "elbow", "wrist", "hand"), "leg": ("hip", "knee", "ankle", "foot")}

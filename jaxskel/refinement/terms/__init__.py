@@ -39,6 +39,7 @@ from ._losses import GemanMcClure as GemanMcClure
 from ._losses import Huber as Huber
 from ._losses import robust_rows as robust_rows
 from ._objectives import paper_objective as paper_objective
+from ._objectives import search_objective as search_objective
 from ._objectives import volume_objective as volume_objective
 from ._pose_prior import PosePrior as PosePrior
 from ._pose_prior import pose_prior as pose_prior
