@@ -9,7 +9,8 @@ from jaxskel import HullSettings, RefinementSettings, Settings, paper_settings
 from jaxskel._runtime.code_digest import digest_of_sources
 from jaxskel.batch import Method
 from jaxskel.batch import _older_manifests as older
-from jaxskel.search import Tracking
+from jaxskel.refinement.terms import volume_objective
+from jaxskel.search import Search, Tracking
 
 # The method as written by a version with flat settings and other modules.
 FLAT = {
@@ -39,9 +40,10 @@ FLAT = {
 
 
 def test_flat_settings_are_those_of_today():
-    # That version looked correspondences up twice, and a turn had no margin of its own.
+    # That version looked correspondences up twice, a turn had no margin of its own, and its search no prior of arms.
     tracking, refinement = Tracking(turn_margin=2.0), RefinementSettings(rounds=2)
-    settings = Settings(hull=HullSettings(spacing=0.02), tracking=tracking, refinement=refinement)
+    search = Search(objective=volume_objective)
+    settings = Settings(hull=HullSettings(spacing=0.02), search=search, tracking=tracking, refinement=refinement)
     today = Method(settings).described
     assert older.modern_method({"settings": FLAT, "smooth_hz": None}) == today
     assert older.modern_method({"settings": FLAT | {"spacing": 0.015}, "smooth_hz": None}) != today
