@@ -12,7 +12,7 @@ from support.capsule_films import ADULT, BODY, some
 from jaxskel import HullSettings, Prepared, Recording, Settings, default_adult, make_body, prepare
 from jaxskel._runtime.compile_cache import CachedJit, _plain
 from jaxskel.body import BALL_NAMES, Body, flesh_prior, lengths_of, measured_body, place_body
-from jaxskel.body_calibration import usual_backpack
+from jaxskel.body_calibration import usual_backpack, usual_hair
 from jaxskel.pipeline import reconstruct_batch
 from jaxskel.synthetic import camera_ring, demo_motion, render
 
@@ -23,6 +23,7 @@ FRAMES = [7, 18, 35, 43, 50, 55]
 # Somebody in thick clothes is searched for a dozen times.
 FEW = [7, 43]
 BAG = [BALL_NAMES.index(f"{side}_bag_{end}") for side in "lr" for end in ("top", "low")]
+HAIR = [BALL_NAMES.index(f"hair_{end}") for end in ("top", "low")]
 LIMBS = [i for i, name in enumerate(BALL_NAMES) if name[2:] in ("elbow", "forearm", "knee", "calf")]
 
 
@@ -126,6 +127,18 @@ def test_a_backpack_that_a_coat_hides_is_tried(in_thick_clothes, monkeypatch):
     np.testing.assert_allclose(found.body.radii[BAG], luggage.radius, atol=0.04)
     assert found.skeleton.stature == pytest.approx(ADULT.stature, rel=0.03)
     assert np.asarray(in_thick_clothes.body.radii)[BAG].max() < 0.03
+
+
+def test_long_hair_over_a_coat_is_found(in_thick_clothes):
+    coat, hair = in_a_coat(), usual_hair(ADULT)
+    offsets, radii = np.array(coat.offsets), np.array(coat.radii)
+    # Longer than usual, and farther behind.
+    offsets[HAIR], radii[HAIR] = hair.ends + [[-0.02, 0.0, 0.0], [-0.06, 0.0, -0.04]], hair.radius
+    found = found_in(Body(ADULT, coat.segments, offsets, radii, coat.links))
+    np.testing.assert_allclose(found.body.radii[HAIR], hair.radius, atol=0.04)
+    np.testing.assert_allclose(found.body.offsets[HAIR], offsets[HAIR], atol=0.08)
+    assert found.skeleton.stature == pytest.approx(ADULT.stature, rel=0.03)
+    assert np.asarray(in_thick_clothes.body.radii)[HAIR].max() < 0.03
 
 
 def test_the_prior_of_flesh_keeps_lengths_and_grows_with_the_body():
