@@ -28,6 +28,8 @@ def test_a_shape_with_an_addition_differs_in_nothing_else(name):
 def test_a_bag_is_on_both_sides():
     body = measured_body(ADULT, with_addition(PRIOR.mean, BEFORE, usual_backpack(ADULT)))
     np.testing.assert_allclose(body.offsets[BAG[2:]], body.offsets[BAG[:2]] * [1, -1, 1], atol=1e-6)
+    top, low = usual_backpack(ADULT).ends
+    assert top[2] > low[2]
 
 
 @pytest.mark.parametrize("usual", [usual_backpack, usual_hair])
