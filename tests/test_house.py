@@ -28,10 +28,16 @@ def room_of(path: Path) -> str:
 MODULES = {name_of(path): path for path in FILES}
 
 
+def tree_of(path: Path) -> ast.Module:
+    """The code of a file; of a face whose names are imported at their first use, the stub that says from where."""
+    stub = path.with_suffix(".pyi")
+    return ast.parse((stub if stub.exists() else path).read_bytes())
+
+
 def imports_of(path: Path) -> list[tuple[str, str]]:
     """Module and name of everything of the package that a file imports, also inside functions."""
     found, package = [], room_of(path).split(".")
-    for node in ast.walk(ast.parse(path.read_bytes())):
+    for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.ImportFrom):
             base = package[: len(package) - node.level + 1] if node.level else []
             module = ".".join([*base, *(node.module or "").split(".")]).strip(".")
@@ -115,7 +121,7 @@ def test_a_face_says_what_it_is(room):
     documentation = ast.get_docstring(ast.parse(face.read_bytes())) or ""
     assert documentation.partition("\n")[0].endswith((".", "?", "`"))
     # A face holds names, not code.
-    body = ast.parse(face.read_bytes()).body[1:]
+    body = [node for node in tree_of(face).body if not isinstance(node, ast.Expr)]
     assert all(isinstance(node, ast.Import | ast.ImportFrom) for node in body)
 
 
@@ -154,8 +160,29 @@ def test_about_forty_names_at_the_top():
     assert 30 <= len(names) <= 50
 
 
-@pytest.mark.parametrize("module", ["jaxskel", "jaxskel.visualization.report"])
+def loaded_by(code: str, *names: str) -> list[str]:
+    """Which of some modules a process loads that runs some code."""
+    code += f"\nimport sys; print([name for name in {names} if name in sys.modules])"
+    lines = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.splitlines()
+    return ast.literal_eval(lines[-1])
+
+
+@pytest.mark.parametrize("module", ["jaxskel.pipeline", "jaxskel.visualization.report"])
 def test_what_draws_is_loaded_only_where_something_is_drawn(module):
-    code = f"import {module}, sys; print([name for name in ('matplotlib', 'rerun', 'typer') if name in sys.modules])"
-    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert loaded.stdout.strip() == "[]"
+    assert loaded_by(f"import {module}", "matplotlib", "rerun", "typer") == []
+
+
+@pytest.mark.parametrize("code", ["import jaxskel.io", "from jaxskel.cli import main"])
+def test_names_are_imported_at_their_first_use(code):
+    assert loaded_by(code, "jax", "numpy", "cv2") == []
+
+
+def test_every_name_of_a_face_can_be_imported():
+    """In one process for each face, in which nothing else has imported anything yet."""
+    stubs = sorted(HOUSE.rglob("*.pyi"))
+    assert [stub.name for stub in stubs] == ["__init__.pyi"] * 2
+    for stub in stubs:
+        names = [alias.name for node in ast.parse(stub.read_bytes()).body for alias in getattr(node, "names", [])]
+        face = name_of(stub)
+        code = f"import {face} as face; assert sorted({names}) == dir(face); [getattr(face, name) for name in {names}]"
+        assert loaded_by(code, "jax") == ["jax"]

@@ -5,7 +5,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 HOUSE = Path(__file__).parents[1] / "jaxskel"
-TREES = {path: ast.parse(path.read_bytes()) for path in sorted(HOUSE.rglob("*.py"))}
+# A stub beside a face, if there is one, says what the face imports.
+TREES = {
+    path: ast.parse((stub if (stub := path.with_suffix(".pyi")).exists() else path).read_bytes())
+    for path in sorted(HOUSE.rglob("*.py"))
+}
 # Without its shape, the type of an array tells little.
 SHAPELESS = {"np.ndarray", "Array", "jax.Array", "ArrayLike"}
 

@@ -9,44 +9,17 @@ from typing import Annotated, Any
 import typer
 
 from .._runtime.cores import one_solver_thread
-from .._runtime.kept_programs import keep_compiled
-from ._batch import batch
-from ._calibrate_body import calibrate_body
-from ._calibrate_cameras import calibrate_cameras
-from ._check import check
-from ._demo import demo
-from ._doctor import doctor
-from ._evaluate import evaluate
-from ._export import export
-from ._init import init
-from ._live import live
-from ._refine_cameras import refine_cameras
-from ._report import report
-from ._run import run
+from ._commands import NAMES, Commands, described
 from ._say import warn
-from ._summary import summary
-from ._view import view
 
 app = typer.Typer(
+    cls=Commands,
     invoke_without_command=True,
     pretty_exceptions_enable=False,
     help="3D human skeletons from calibrated multi-view silhouettes.",
 )
-app.command()(demo)
-app.command()(init)
-app.command()(run)
-app.command()(live)
-app.command()(batch)
-app.command()(summary)
-app.command()(evaluate)
-app.command()(check)
-app.command()(calibrate_cameras)
-app.command()(calibrate_body)
-app.command()(refine_cameras)
-app.command()(export)
-app.command()(report)
-app.command()(view)
-app.command()(doctor)
+for name in NAMES:
+    app.command(name)(described(name))
 
 _FIRST_STEPS = """\
 What to do next:
@@ -73,6 +46,8 @@ def _top(
     if context.invoked_subcommand is None:
         print(_FIRST_STEPS)
     elif not no_cache:
+        from .._runtime.kept_programs import keep_compiled  # imports JAX, which help and version do without
+
         keep_compiled()
 
 
