@@ -4,8 +4,10 @@ A person has some thousand runs, but tens of thousands of voxels. Two runs in ne
 ranges overlap or adjoin: this is exact connectivity over faces, edges and corners.
 """
 
-import equinox as eqx
+from dataclasses import dataclass
+
 import numpy as np
+from jax.tree_util import register_dataclass
 from jaxtyping import Bool, Int
 
 from .._math.components import connected, first_mentions
@@ -16,7 +18,9 @@ from ._visual_hulls import VisualHulls
 _BESIDE = ((0, 1), (1, -1), (1, 0), (1, 1))
 
 
-class Bodies(eqx.Module):
+@register_dataclass
+@dataclass(frozen=True, eq=False)
+class Bodies:
     """Runs of voxels, sorted by frame and then in grid order, and the connected body of each.
 
     Attributes:

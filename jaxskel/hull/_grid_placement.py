@@ -110,9 +110,8 @@ def body_middles(
     """Middle of each body: the point nearest to the rays through the silhouettes' centroids (m, in the world)."""
     centroids = silhouette_centroids(silhouettes)
     directions = np.full((len(silhouettes), len(cameras), 3), np.nan)
-    for c in range(len(cameras)):
-        there = ~empty_views[:, c]
-        directions[there, c] = rays(cameras, c, centroids[there, c])
+    frame, camera = np.nonzero(~empty_views)
+    directions[frame, camera] = rays(cameras, camera, centroids[frame, camera])
     across = np.eye(3) - directions[..., :, None] * directions[..., None, :]
     weight = np.isfinite(directions).all(-1).astype(float)
     across = np.nan_to_num(across)

@@ -1,10 +1,11 @@
 """The person in each hull: one connected body that lies inside the observed volume."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
-import equinox as eqx
 import numpy as np
 import scipy  # imports its parts when they are first used
+from jax.tree_util import register_dataclass
 from jaxtyping import Bool, Float, Int
 
 from ..poses import Status
@@ -18,7 +19,9 @@ _EDGE_VOXELS = 12  # a body with this many voxels at the edge of the observed vo
 _CUT_SHARE = 0.02  # a view with a larger share of the body outside its image does not show it whole
 
 
-class People(eqx.Module):
+@register_dataclass
+@dataclass(frozen=True, eq=False)
+class People:
     """The person of each frame.
 
     Attributes:

@@ -2,10 +2,11 @@
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
 from typing import Any
 
-import equinox as eqx
 import numpy as np
+from jax.tree_util import register_dataclass
 from jaxtyping import Bool, Float, Int, UInt8
 
 from ..cameras import Cameras
@@ -27,7 +28,9 @@ Stopwatch = Callable[[str], AbstractContextManager[Any]]
 """Called with the name of a stage, returns a context manager that is open as long as the stage lasts."""
 
 
-class Seen(eqx.Module):
+@register_dataclass
+@dataclass(frozen=True, eq=False)
+class Seen:
     """The frames of a batch that show exactly one whole person, and the hull of that person.
 
     Attributes:

@@ -1,13 +1,17 @@
 """Visual hulls of a batch of frames, stored sparsely: the interface between carving (JAX) and graph (NumPy)."""
 
-import equinox as eqx
+from dataclasses import dataclass
+
 import numpy as np
+from jax.tree_util import register_dataclass
 from jaxtyping import Bool, Float, Int
 
 from ._grid import VoxelGrid, check_spacing
 
 
-class VisualHulls(eqx.Module):
+@register_dataclass
+@dataclass(frozen=True, eq=False)
+class VisualHulls:
     """Occupied voxels of a batch of frames. Voxels that are empty in every frame are not stored.
 
     Attributes:

@@ -1,17 +1,20 @@
 """Geodesic descriptors of graphs and template (Eq. 1 and 5): ragged graphs (NumPy) become padded arrays (JAX)."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
-import equinox as eqx
 import numpy as np
+from jax.tree_util import register_dataclass
 from jaxtyping import Float, Int
 
 from ..body import Skeleton, SkeletonTemplate
 from ..graph import MAX_ENDS, SkeletalGraph, forest_of
 
 
-class EndNodes(eqx.Module):
+@register_dataclass
+@dataclass(frozen=True, eq=False)
+class EndNodes:
     """End nodes of a batch of graphs, padded to `MAX_ENDS`, the root first, then by geodesic distance to it.
 
     Attributes:

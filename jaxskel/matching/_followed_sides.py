@@ -32,6 +32,8 @@ def follow_sides(
     Returns:
         Whether to exchange the hands, and the feet, of each frame.
     """
+    if len(facing) == 1:  # as it tells by itself
+        return np.zeros(1, bool), np.zeros(1, bool)
     by_feet, by_hands = _STATES.T
     own = facing[:, None] * by_feet + hands[:, None] * (by_feet != by_hands)
     feet_hold = _continuity(limbs, L_FOOT, R_FOOT, leg / 2)
@@ -54,7 +56,8 @@ def _continuity(limbs: Limbs, left: int, right: int, middle: float) -> Float[np.
 
     Limbs are compared at their ends and at `middle` (m) from them.
     """
-    one, other = (np.stack([limbs.ends[:, label], limbs.at(label, middle)], 1) for label in (left, right))
+    middles = limbs.at(np.array([left, right]), np.full(2, middle))
+    one, other = (np.stack([limbs.ends[:, label], middles[:, i]], 1) for i, label in enumerate((left, right)))
 
     def moved(now: np.ndarray, last: np.ndarray) -> np.ndarray:
         return np.linalg.norm(now[1:] - last[:-1], axis=-1).mean(1)

@@ -23,6 +23,6 @@ def joint_targets(limbs: Limbs, skeleton: Skeleton) -> Float[np.ndarray, "frames
         length = limbs.lengths[:, bone.tip]
         distance = np.full_like(length, to_tip) if to_tip < to_root else length - to_root
         there = limbs.found[:, bone.tip]
-        found[there, bone.joint] = limbs.at(bone.tip, distance)[there]
+        found[there, bone.joint] = limbs.at(np.array([bone.tip]), distance[:, None])[there, 0]
     found[:, list(template.inner)] = limbs.inner
     return found

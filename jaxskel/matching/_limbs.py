@@ -1,9 +1,10 @@
 """Labelled limbs of a batch of graphs: inner nodes (Eq. 5, 6) and paths from the head to every end node."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
-import equinox as eqx
 import numpy as np
+from jax.tree_util import register_dataclass
 from jaxtyping import Bool, Float, Int
 
 from ..body import HUMAN_15, Skeleton
@@ -24,7 +25,9 @@ HANDLESS_DESCRIPTOR = HUMAN_15.described_by
 """Eq. 5 without the hands: an arm that touches the trunk shortens its geodesics and drags the pelvis along."""
 
 
-class Limbs(eqx.Module):
+@register_dataclass
+@dataclass(frozen=True, eq=False)
+class Limbs:
     """Labelled skeletal graphs (Fig. 2b; m, in the graphs' world): end nodes, inner nodes, and paths to the end nodes.
 
     Labels are the tips of the template: head, left and right hand, left and right foot of a human.
@@ -64,15 +67,14 @@ class Limbs(eqx.Module):
         return cls(paths, paths[:, :, 0, 0], np.zeros((frames, labels), bool), np.zeros((frames, inner, 3)))
 
     def at(
-        self, label: int, distance: float | np.floating | Float[np.ndarray, " frames"]
-    ) -> Float[np.ndarray, "frames 3"]:
-        """The point of each frame's path to a label, at a distance (m) from its end node along the graph."""
-        length = self.lengths[:, label]
-        step = (PATH_POINTS - 1) * np.clip(1 - distance / np.maximum(length, 1e-9), 0, 1)
+        self, labels: Int[np.ndarray, " some"], distances: Float[np.ndarray, "*frames some"]
+    ) -> Float[np.ndarray, "frames some 3"]:
+        """Points of each frame's paths to some labels, at distances (m) from their end nodes along the graph."""
+        length = self.lengths[:, labels]
+        step = (PATH_POINTS - 1) * np.clip(1 - distances / np.maximum(length, 1e-9), 0, 1)
         low = np.minimum(step.astype(int), PATH_POINTS - 2)
-        part = (step - low)[:, None]
-        frames = np.arange(len(length))
-        return (1 - part) * self.paths[frames, label, low] + part * self.paths[frames, label, low + 1]
+        part, frames = (step - low)[..., None], np.arange(len(length))[:, None]
+        return (1 - part) * self.paths[frames, labels, low] + part * self.paths[frames, labels, low + 1]
 
     def exchanged(self, hands: Bool[np.ndarray, " frames"], feet: Bool[np.ndarray, " frames"]) -> "Limbs":
         """Exchange left and right of a human in the marked frames."""

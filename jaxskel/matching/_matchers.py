@@ -4,6 +4,7 @@ A matcher is an object with ``match(ends, skeleton) -> Matches``; both matchers 
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations, permutations
 from typing import Protocol, runtime_checkable
@@ -12,6 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.tree_util import register_dataclass
 from jaxtyping import Array, Float, Int
 
 from .._runtime.batching import filled
@@ -26,7 +28,9 @@ from ._soft_dtw import soft_dtw
 _MOST_TIPS = 6
 
 
-class Matches(eqx.Module):
+@register_dataclass
+@dataclass(frozen=True, eq=False)
+class Matches:
     """End nodes with the labels head, hand, hand, foot, foot, or other tips of a template.
 
     Left and right are not distinguished yet.

@@ -13,6 +13,7 @@ from ._limbs import L_FOOT, L_HAND, R_FOOT, R_HAND, Limbs
 
 # Positions of ankle, knee, upper thigh and upper arm, in fractions of the limb's length from its tip.
 _ANKLE, _KNEE, _THIGH, _UPPER_ARM = 0.20, 0.52, 0.85, 0.80
+_FEET, _HANDS = np.array([L_FOOT, R_FOOT]), np.array([L_HAND, R_HAND])
 # Lengths (m) at which evidence saturates: of the facing vector, and of the distance between the two limbs.
 _FACING_SCALE, _APART_SCALE = 0.10, 0.08
 
@@ -33,22 +34,18 @@ def tell_sides(
     lengths = skeleton.bone_lengths
     arm = float(lengths[3] + lengths[4] + skeleton.tip_lengths[1])
     leg = float(lengths[9] + lengths[10] + skeleton.tip_lengths[3])
-    facing = np.zeros((len(limbs.paths), 3))
-    for label in (L_FOOT, R_FOOT):
-        toe, ankle = limbs.ends[:, label], limbs.at(label, _ANKLE * leg)
-        knee, thigh = limbs.at(label, _KNEE * leg), limbs.at(label, _THIGH * leg)
-        bend = knee - (ankle + thigh) / 2
-        facing += np.where(limbs.found[:, label, None], (toe - ankle) + bend, 0.0)
+    on_legs = limbs.at(np.repeat(_FEET, 3), leg * np.array(2 * [_ANKLE, _KNEE, _THIGH]))
+    ankles, knees, thighs = np.moveaxis(on_legs.reshape(-1, 2, 3, 3), 2, 0)
+    upper_arms = limbs.at(_HANDS, np.full(2, _UPPER_ARM * arm))
+    ahead = (limbs.ends[:, _FEET] - ankles) + (knees - (ankles + thighs) / 2)
+    facing = np.where(limbs.found[:, _FEET, None], ahead, 0.0).sum(1)
     facing[:, 2] = 0.0
     strength = np.linalg.norm(facing, axis=1)
     facing /= np.maximum(strength, 1e-9)[:, None]
     left = np.stack([-facing[:, 1], facing[:, 0], np.zeros(len(facing))], 1)  # up x facing
 
-    def apart(one: int, other: int, where: float) -> np.ndarray:
-        return ((limbs.at(one, where) - limbs.at(other, where)) * left).sum(1)
-
     # If limbs cross, their upper parts are still on their own sides.
-    hands, feet = apart(L_HAND, R_HAND, _UPPER_ARM * arm), apart(L_FOOT, R_FOOT, _THIGH * leg)
+    hands, feet = (((pair[:, 0] - pair[:, 1]) * left).sum(1) for pair in (upper_arms, thighs))
     clear_feet, clear_hands = np.tanh(np.abs(feet) / _APART_SCALE), np.tanh(np.abs(hands) / _APART_SCALE)
     evidence = np.tanh(strength / _FACING_SCALE) * clear_feet
     limbs = limbs.exchanged(hands < 0, feet < 0)

@@ -1,8 +1,10 @@
 """Pose hypotheses and their costs: `Pool` (any number per frame) during the search, `Hypotheses` at its end."""
 
-import equinox as eqx
+from dataclasses import dataclass
+
 import jax
 import numpy as np
+from jax.tree_util import register_dataclass
 from jaxtyping import Bool, Float, Int
 
 from .._runtime.batching import take
@@ -13,7 +15,9 @@ _APART, _TURNED = 0.02, 0.1
 _ALL = np.arange(len(SEGMENT_NAMES))
 
 
-class Hypotheses(eqx.Module):
+@register_dataclass
+@dataclass(frozen=True, eq=False)
+class Hypotheses:
     """Poses of some frames, the same number for each, the cheapest first; costs are those of `volume_objective`.
 
     Attributes:
@@ -44,7 +48,9 @@ class Hypotheses(eqx.Module):
         return jax.tree.map(put, self, others)
 
 
-class Pool(eqx.Module):
+@register_dataclass
+@dataclass(frozen=True, eq=False)
+class Pool:
     """Poses of the frames of a stack, any number for each frame.
 
     Attributes:

@@ -17,13 +17,29 @@ from ..body import (
 )
 from ..matching import END_NODE_REACH, HEAD, L_FOOT, L_HAND, R_FOOT, R_HAND, Limbs
 
-# Of each limb: parent, upper and lower segment, then upper joint, middle joint, end joint and tip.
-_LIMBS = {
-    L_HAND: ("l_clavicle", "l_upper_arm", "l_forearm", "l_shoulder", "l_elbow", "l_hand", "l_fingertip"),
-    R_HAND: ("r_clavicle", "r_upper_arm", "r_forearm", "r_shoulder", "r_elbow", "r_hand", "r_fingertip"),
-    L_FOOT: ("pelvis", "l_thigh", "l_shank", "l_hip", "l_knee", "l_foot", "l_toetip"),
-    R_FOOT: ("pelvis", "r_thigh", "r_shank", "r_hip", "r_knee", "r_foot", "r_toetip"),
-}
+# The four limbs, arms first: their labels, the segments that carry them, their two bones, and their points.
+_LIMBS = np.array([L_HAND, R_HAND, L_FOOT, R_FOOT])
+_GIRDLES, _UPPER, _LOWER = (
+    np.array([SEGMENT_NAMES.index(name) for name in names])
+    for names in (
+        ("l_clavicle", "r_clavicle", "pelvis", "pelvis"),
+        ("l_upper_arm", "r_upper_arm", "l_thigh", "r_thigh"),
+        ("l_forearm", "r_forearm", "l_shank", "r_shank"),
+    )
+)
+_TOP, _MIDDLE, _END = (
+    np.array([JOINT_NAMES.index(name) for name in names])
+    for names in (
+        ("l_shoulder", "r_shoulder", "l_hip", "r_hip"),
+        ("l_elbow", "r_elbow", "l_knee", "r_knee"),
+        ("l_hand", "r_hand", "l_foot", "r_foot"),
+    )
+)
+_TIPS = np.array([TIP_NAMES.index(name) for name in ("l_fingertip", "r_fingertip", "l_toetip", "r_toetip")])
+_ANKLES = np.array([PIVOT_NAMES.index(name) for name in ("l_ankle", "r_ankle")])
+_NECK, _HEAD = JOINT_NAMES.index("neck"), JOINT_NAMES.index("head")
+_CHEST, _HEAD_SEGMENT = SEGMENT_NAMES.index("chest"), SEGMENT_NAMES.index("head")
+_TRUNK = np.array([SEGMENT_NAMES.index(name) for name in ("pelvis", "chest", "l_clavicle", "r_clavicle")])
 
 
 def initial_poses(limbs: Limbs, facing: Float[np.ndarray, "frames 3"], skeleton: Skeleton) -> Pose:
@@ -40,59 +56,59 @@ def initial_poses(limbs: Limbs, facing: Float[np.ndarray, "frames 3"], skeleton:
     Returns:
         One pose for each frame (m, in the world).
     """
-    count = len(limbs.paths)
-    at_rest = [*np.asarray(skeleton.rest_joints), *np.asarray(skeleton.rest_tips), *np.asarray(skeleton.pivots)]
-    rest: dict[str, np.ndarray] = dict(zip((*JOINT_NAMES, *TIP_NAMES, *PIVOT_NAMES), at_rest, strict=True))
-    parent = {name: JOINT_NAMES[JOINT_PARENTS[i]] for i, name in enumerate(JOINT_NAMES) if i}
-    rotations = np.tile(np.eye(3), (count, len(SEGMENT_NAMES), 1, 1))
-    number = {name: i for i, name in enumerate(SEGMENT_NAMES)}
+    rest = np.asarray(skeleton.rest_joints, float)
+    rotations = np.tile(np.eye(3), (len(limbs.paths), len(SEGMENT_NAMES), 1, 1))
 
     known = np.linalg.norm(facing, axis=1) > 0.5
     front = np.where(known[:, None], facing, [1.0, 0.0, 0.0])
     left = np.cross([0.0, 0.0, 1.0], front)
     spine = limbs.neck - limbs.pelvis
     spine = np.where(np.linalg.norm(spine, axis=1, keepdims=True) > 0.05, spine, [0.0, 0.0, 1.0])
-    trunk = frame(spine, left)
     # At rest, the neck need not be straight above the pelvis.
-    lean = aligning(_unit_or_down(rest["neck"]), np.array([0.0, 0.0, 1.0]))
-    rotations[:, number["pelvis"]] = trunk @ lean
-    rotations[:, number["chest"]] = trunk @ lean
+    trunk = frame(spine, left) @ aligning(_unit_or_down(rest[_NECK]), np.array([0.0, 0.0, 1.0]))
+    rotations[:, _TRUNK] = trunk[:, None]
+    head = limbs.ends[:, [HEAD]] - limbs.neck[:, None]
+    rotations[:, [_HEAD_SEGMENT]] = _pointed(rotations[:, [_CHEST]], (rest[_HEAD] - rest[_NECK])[None], head)
 
-    def turn(segment: str, bone: np.ndarray, goal: np.ndarray) -> None:
-        """Rotate a segment from its parent's rotation by the least rotation that points its bone at the goal."""
-        carried = rotations[:, SEGMENT_PARENTS[number[segment]]]
-        rotations[:, number[segment]] = aligning(carried @ _unit_or_down(bone), _unit_or_down(goal)) @ carried
-
-    turn("head", rest["head"] - rest["neck"], limbs.ends[:, HEAD] - limbs.neck)
-    for side in "lr":
-        rotations[:, number[f"{side}_clavicle"]] = rotations[:, number["chest"]]
-    for label, (girdle, upper, lower, top, middle, end, tip) in _LIMBS.items():
-        # Distances along the graph from the end node, which lies short of the tip.
-        last, lower_bone = np.linalg.norm(rest[tip] - rest[end]), np.linalg.norm(rest[end] - rest[middle])
-        to_end = END_NODE_REACH * last
-        to_middle = to_end + lower_bone
-        if end.endswith("foot"):
-            ankle = rest[end.replace("foot", "ankle")]
-            over_ankle = np.linalg.norm(rest[middle] - ankle) + np.linalg.norm(rest[tip] - ankle)
-            to_middle = over_ankle - (1 - END_NODE_REACH) * last
-        base = limbs.neck if top.endswith("shoulder") else limbs.pelvis
-        base = base + rotations[:, number[girdle]] @ (rest[top] - rest[parent[top]])
-        goal_middle, goal_end = limbs.at(label, to_middle), limbs.at(label, to_end)
-        found = limbs.found[:, label, None]
-        hanging = rotations[:, number[girdle]]
-        turn(
-            upper,
-            rest[middle] - rest[top],
-            np.where(found, goal_middle - base, hanging @ (rest[middle] - rest[top])),
-        )
-        turn(
-            lower,
-            rest[end] - rest[middle],
-            np.where(found, goal_end - goal_middle, hanging @ (rest[end] - rest[middle])),
-        )
+    to_middle, to_end = _along_limbs(skeleton)
+    middle, end = limbs.at(_LIMBS, to_middle), limbs.at(_LIMBS, to_end)
+    girdles = rotations[:, _GIRDLES]
+    base = limbs.inner[:, [1, 1, 0, 0]] + _turned(girdles, rest[_TOP] - rest[np.array(JOINT_PARENTS)[_TOP]])
+    upper, lower = rest[_MIDDLE] - rest[_TOP], rest[_END] - rest[_MIDDLE]
+    found = limbs.found[:, _LIMBS, None]
+    rotations[:, _UPPER] = _pointed(girdles, upper, np.where(found, middle - base, _turned(girdles, upper)))
+    lower_goal = np.where(found, end - middle, _turned(girdles, lower))
+    rotations[:, _LOWER] = _pointed(rotations[:, _UPPER], lower, lower_goal)
     for segment in SEGMENT_OF_PIVOT:
         rotations[:, segment] = rotations[:, SEGMENT_PARENTS[segment]]
     return Pose(root=limbs.pelvis.copy(), rotations=rotations)
+
+
+def _along_limbs(skeleton: Skeleton) -> tuple[Float[np.ndarray, "limbs=4"], Float[np.ndarray, "limbs=4"]]:
+    """Distances of middle and end joints along the graph from the end node, which lies short of the tip (m)."""
+    rest, tips = np.asarray(skeleton.rest_joints, float), np.asarray(skeleton.rest_tips, float)[_TIPS]
+    last = np.linalg.norm(tips - rest[_END], axis=1)
+    to_end = END_NODE_REACH * last
+    to_middle = to_end + np.linalg.norm(rest[_END] - rest[_MIDDLE], axis=1)
+    ankles = np.asarray(skeleton.pivots, float)[_ANKLES]
+    over_ankle = np.linalg.norm(rest[_MIDDLE[2:]] - ankles, axis=1) + np.linalg.norm(tips[2:] - ankles, axis=1)
+    to_middle[2:] = over_ankle - (1 - END_NODE_REACH) * last[2:]
+    return to_middle, to_end
+
+
+def _pointed(
+    carried: Float[np.ndarray, "frames limbs 3 3"],
+    bones: Float[np.ndarray, "limbs 3"],
+    goals: Float[np.ndarray, "frames limbs 3"],
+) -> Float[np.ndarray, "frames limbs 3 3"]:
+    """Segments turned from their parents' rotations by the least rotation that points their bones at the goals."""
+    return aligning(_turned(carried, _unit_or_down(bones)), _unit_or_down(goals)) @ carried
+
+
+def _turned(
+    rotations: Float[np.ndarray, "frames limbs 3 3"], vectors: Float[np.ndarray, "limbs 3"]
+) -> Float[np.ndarray, "frames limbs 3"]:
+    return np.einsum("flij,lj->fli", rotations, vectors)
 
 
 def _unit_or_down(vector: np.ndarray) -> np.ndarray:

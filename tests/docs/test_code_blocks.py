@@ -12,10 +12,9 @@ import tomllib
 from pathlib import Path
 
 import pytest
-import typer
 from support.command_line import jaxskel
 
-from jaxskel.cli._app import app
+from jaxskel.cli._commands import imported
 from jaxskel.io.recordings import _folders, _rig, _view_table, has_cameras
 
 ROOT = Path(__file__).parents[2]
@@ -60,15 +59,14 @@ def test_a_shell_takes_it(language, page, block):
 
 @pytest.mark.parametrize(("language", "page", "block"), of("bash", "snakemake"))
 def test_its_commands_take_their_arguments(language, page, block):
-    group = typer.main.get_command(app)
     calls = commands_in(block)
     assert len(calls) == len(re.findall(r"\bjaxskel [a-z]", block))
     for name, *arguments in calls:
-        group.commands[name].make_context(name, arguments)
+        imported(name).make_context(name, arguments)
 
 
 def test_wrong_arguments_would_be_told():
-    command = typer.main.get_command(app).commands["run"]
+    command = imported("run")
     for wrong in (["a"], ["a", "-o", "b", "--trak"], ["a", "-o", "b", "--jobs", "many"]):
         with pytest.raises(Exception, match=r"Missing|No such option|valid integer"):
             command.make_context("run", wrong)

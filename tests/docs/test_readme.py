@@ -14,6 +14,7 @@ from support.optimisations import optimised
 
 import jaxskel
 from jaxskel.cli._app import app
+from jaxskel.cli._commands import NAMES, imported
 from jaxskel.io.poses import read_poses
 from jaxskel.io.recordings import _folders as folders
 from jaxskel.io.recordings import _view_table, write_recording
@@ -114,21 +115,19 @@ def test_the_subject_is_read(tmp_path):
     assert read_subject(tmp_path / "subject.toml").bone_lengths.shape == (14,)
 
 
-@pytest.mark.parametrize("name", typer.main.get_command(app).commands)
+@pytest.mark.parametrize("name", NAMES)
 def test_every_command_is_in_the_table_and_all_its_options_on_the_page(name):
     assert re.search(rf"^\| `jaxskel {name}[ `]", README, re.M)
     (section,) = re.findall(rf"^## {name}\n(.*?)(?=^## )", COMMANDS, re.S | re.M)
     assert re.search(rf"`jaxskel {name}[ `]", section)
-    command = typer.main.get_command(app).commands[name]
-    options = {option for each in command.params for option in each.opts if option.startswith("-")} - {"--help"}
+    options = {option for each in imported(name).params for option in each.opts if option.startswith("-")} - {"--help"}
     table = "".join(row.split(" | ")[0] for row in section.splitlines() if row.startswith("| `-"))
     assert set(re.findall(r"`(--?[\w-]+)`", table)) == options
 
 
 @every_page
 def test_every_option_exists(page):
-    group = typer.main.get_command(app)
-    every = [each for command in (group, *group.commands.values()) for each in command.params]
+    every = [each for command in (typer.main.get_command(app), *map(imported, NAMES)) for each in command.params]
     options = {option for each in every for option in each.opts}
     called = re.findall(r"\bjaxskel [a-z-]+ [^`\n]*", TEXTS[page])
     assert {option for line in called for option in re.findall(r"(?<!\S)--[a-z-]+", line)} <= options

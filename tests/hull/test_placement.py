@@ -190,6 +190,16 @@ def test_lost_views(areas, empty_views):
     np.testing.assert_array_equal(find_empty_views(np.array([areas, [900] * 6]), CAMERAS), [expected, [False] * 6])
 
 
+def test_a_view_is_lost_if_it_shows_much_less_than_the_median_of_those_that_show_somebody():
+    rng = np.random.default_rng(7)
+    areas = np.where(rng.random((200, 6)) < 0.3, 0, rng.integers(20, 9000, (200, 6)))
+    shown = np.where(areas >= 5e-4 * 240 * 160, areas.astype(float), np.nan)
+    somebody = ~np.isnan(shown).all(1)
+    least = np.full(200, np.inf)
+    least[somebody] = 0.05 * np.nanmedian(shown[somebody], axis=1)
+    np.testing.assert_array_equal(find_empty_views(areas, CAMERAS), ~(shown >= least[:, None]))
+
+
 coordinate = st.floats(-20, 20)
 edge = st.floats(1e-3, 2.0)
 

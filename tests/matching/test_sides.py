@@ -102,7 +102,8 @@ def test_the_person_in_the_mirror_is_exchanged(name):
     both = np.array([True])
     np.testing.assert_array_equal(told.paths, limbs.exchanged(both, both).paths)
     np.testing.assert_allclose(facing, [[1.0, 0.0, 0.0]], atol=0.05)
-    assert told.at(L_HAND, 0.45)[0, 1] > 0 > told.at(R_HAND, 0.45)[0, 1]
+    of_left, of_right = told.at(np.array([L_HAND, R_HAND]), np.full(2, 0.45))[0, :, 1]
+    assert of_left > 0 > of_right
     assert confidence[0] > 0.75
 
 
@@ -169,5 +170,6 @@ def test_points_along_a_path_by_hand():
     # One metre of a straight path, at 0, 0.25, 1 and more than the whole length from its end.
     path, length = along([(0, 0, 0), (0, 0, 1.0)])
     limbs = Limbs(np.tile(path, (1, 5, 1, 1)), np.full((1, 5), length), np.ones((1, 5), bool), np.zeros((1, 2, 3)))
-    for distance, z in ((0.0, 1.0), (0.25, 0.75), (1.0, 0.0), (3.0, 0.0)):
-        np.testing.assert_allclose(limbs.at(L_FOOT, distance), [[0, 0, z]], atol=1e-12)
+    distances, heights = np.array([0.0, 0.25, 1.0, 3.0]), [1.0, 0.75, 0.0, 0.0]
+    points = limbs.at(np.full(4, L_FOOT), distances)
+    np.testing.assert_allclose(points, [[(0, 0, z) for z in heights]], atol=1e-12)

@@ -200,9 +200,7 @@ def replace_seen():
     def seen(*arguments):
         found = see_people(*arguments)
         none = np.zeros(0, int)
-        return eqx.tree_at(
-            lambda s: (s.status, s.frames, s.hulls), found, (np.array([Status.SEVERAL_PEOPLE]), none, found.hulls[none])
-        )
+        return replace(found, status=np.array([Status.SEVERAL_PEOPLE]), frames=none, hulls=found.hulls[none])
 
     return seen
 

@@ -17,6 +17,8 @@ def check_objective(objective: Any) -> None:
     Raises:
         ValueError: One line.
     """
+    if isinstance(objective, Objective):
+        return
     methods = ("residuals", "correspond", "costs", "couplings")
     if isinstance(objective, type) or not all(hasattr(objective, name) for name in methods):
         raise ValueError(f"objective: is {told(objective)}; give an Objective, such as paper_objective()")
