@@ -37,7 +37,8 @@ def compile_ahead(
         return
     skeleton, known = settings.average, settings.body is not None
     stack, body = filled(_nobody(cameras, data or {})), settings.body or make_body(skeleton)
-    model, poses = make_model(body, settings.search.objective), any_poses(len(stack.inner))
+    # Weights make no other program; without a prior, nothing is computed for its tables.
+    model, poses = make_model(body, settings.search.objective, prior=0.0), any_poses(len(stack.inner))
     threads = ThreadPoolExecutor(usable_cores())
     fits_ahead(threads, model, stack)
     objective = settings.refinement.objective_for(body)

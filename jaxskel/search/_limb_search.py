@@ -102,7 +102,8 @@ def _posture_costs(objective: Objective, kind: str, table: LimbTable, side: floa
     middles, ends = np.asarray(table.upper_points)[table.direction, 1], np.asarray(table.lower_points)[:, 2]
     bones = (bone * [1.0, side, 1.0] for bone in (middles, ends - middles))
     directions = np.concatenate([unit(bone) for bone in bones], 1)
-    found = ((term.weight, term.posture_costs(kind, directions)) for term in objective.of_frames.values())
+    terms = [term for term in objective.of_frames.values() if float(term.weight)]
+    found = ((term.weight, term.posture_costs(kind, directions)) for term in terms)
     each = [float(weight) * costs for weight, costs in found if costs is not None]
     return sum(each, np.zeros(len(directions))).astype(np.float32)
 

@@ -88,14 +88,14 @@ def usual_arms(weight: float = 1.0) -> ArmPrior:
     Args:
         weight: Weight of the term.
     """
-    return arm_prior(*_usual_postures(), weight)
+    return eqx.tree_at(lambda t: t.weight, _usual_arms(), number(weight))
 
 
 @cache
-def _usual_postures() -> tuple[Float[np.ndarray, "postures 6"], Float[np.ndarray, " postures"]]:
+def _usual_arms() -> ArmPrior:
     lines = files("jaxskel.refinement.terms").joinpath("arm_postures.csv").read_text(encoding="utf-8").splitlines()
     rows = np.array([[float(cell) for cell in line.split(",")] for line in lines[1:]])
-    return rows[:, 1:], rows[:, 0]
+    return arm_prior(rows[:, 1:], rows[:, 0])
 
 
 def arm_directions(joints: Float[Array | np.ndarray, "*frames joints=15 3"]) -> Float[Array, "*frames arms=2 6"]:
