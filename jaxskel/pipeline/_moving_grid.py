@@ -84,5 +84,5 @@ class MovingGrid:
 
 
 def _steps_at_once(grid: VoxelGrid) -> int:
-    """How many steps to take with each frame, so that such a grid moves in about eight frames."""
-    return 2 + grid.size // 1_000_000
+    """How many steps to take with each frame: four of 2 to 3 ms for voxels of 30 mm, 22 frames for eight views."""
+    return 4 + 2 * (grid.size // 1_000_000)
