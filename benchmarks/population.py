@@ -27,9 +27,11 @@ from jaxskel import Skeleton, default_adult, read_recording, refinement_problem
 from jaxskel._runtime.batching import filled, on_device
 from jaxskel._runtime.cores import take_core
 from jaxskel.body import (
+    BAG_BALLS,
     BALL_NAMES,
     FLESH_FROM,
     FREE_BALLS,
+    HAIR_BALLS,
     LENGTH_NAMES,
     QUANTITIES,
     Prior,
@@ -41,7 +43,7 @@ from jaxskel.body import (
 from jaxskel.body_calibration import bundle_adjust
 
 AXES = 40
-LEFT_OUT = ("fingertip", "fingers front", "fingers out", "palm ", "finger ", "hem ", "bag_", "hair_")
+LEFT_OUT = ("fingertip", "fingers front", "fingers out", "palm ", "finger ", "hem ", *BAG_BALLS, *HAIR_BALLS)
 """Of hands only the length to the palm counts, because people open and close their hands."""
 _STEPS = 25
 # Wide priors for flesh (m) and for the direction of fingers (tangent of an angle); lengths and the middle are fixed.
@@ -84,7 +86,7 @@ def _known_lengths(skeleton: Skeleton, template: Skeleton) -> Prior:
         elif (
             quantity in LENGTH_NAMES
             or (quantity.endswith(" out") and quantity.split()[0] in BALL_NAMES)
-            or quantity.startswith(("bag_", "hair_"))
+            or quantity.split()[0] in BAG_BALLS + HAIR_BALLS
         ):
             deviations[place] = _FIXED
     return Prior(Shape(lengths, np.zeros(2), np.zeros((len(FREE_BALLS), 4))), np.diag(deviations**-2.0))

@@ -3,9 +3,11 @@
 In: joint positions at rest, or a stature. Out: a `Skeleton`, a `Body`, a `Pose` and its joint positions.
 """
 
+from ._capsule_body import BAG_BALLS as BAG_BALLS
 from ._capsule_body import BALL_NAMES as BALL_NAMES
 from ._capsule_body import BALL_SIDES as BALL_SIDES
 from ._capsule_body import FREE_BALLS as FREE_BALLS
+from ._capsule_body import HAIR_BALLS as HAIR_BALLS
 from ._capsule_body import HEM as HEM
 from ._capsule_body import LIKE_BALL as LIKE_BALL
 from ._capsule_body import LINKS as LINKS

@@ -33,6 +33,8 @@ BALL_NAMES = (
     "r_hip", "r_knee", "r_calf", "r_hem", "r_ankle", "r_heel", "r_ball", "r_toe",
 )  # fmt: skip
 """Balls of the body that [`make_body`][] makes."""
+HAIR_BALLS, BAG_BALLS = ("hair_top", "hair_low"), ("bag_top", "bag_low")
+"""Those of long hair and, on either side, of a bag: no flesh, and hidden in it unless the subject has such a part."""
 
 _LIKE = [name.replace("r_", "l_", 1) if name.startswith("r_") else name for name in BALL_NAMES]
 FREE_BALLS = tuple(ball for ball, name in enumerate(BALL_NAMES) if _LIKE[ball] == name)
@@ -174,7 +176,7 @@ _PLACES = _places()
 def make_body(skeleton: Skeleton) -> Body:
     """An average adult around a skeleton of any proportions, or the capsules of another template.
 
-    [`calibrate_flesh`][jaxskel.body_calibration.calibrate_flesh] fits it to a subject.
+    [`calibrate_body`][jaxskel.pipeline.calibrate_body] fits it to a subject.
 
     Radii, and shifts of the flesh from the joint centres, are fractions of the stature: means over a man and a
     woman (two skinned meshes), fitted to their visual hulls at known joints.

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ._capsule_body import BALL_NAMES, BALL_SIDES, FREE_BALLS, HEM, LIKE_BALL, Body, make_body
+from ._capsule_body import BAG_BALLS, BALL_NAMES, BALL_SIDES, FREE_BALLS, HAIR_BALLS, HEM, LIKE_BALL, Body, make_body
 from ._human import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES, TIP_PARENTS
 from ._population import Population, population_of
 from ._skeleton import Skeleton, default_adult, make_skeleton
@@ -177,7 +177,7 @@ def _unlike(template: Skeleton) -> Float[np.ndarray, " unknowns"]:
         ball, what = quantity.split()
         flesh[place] = _HAND_PLAYS.get(ball, flesh[place])
         # Middle balls stay in the middle, and bags in the chest and hair in the head unless some is found.
-        if (what == "out" and ball in BALL_NAMES) or ball.startswith(("bag", "hair")):
+        if (what == "out" and ball in BALL_NAMES) or ball in BAG_BALLS + HAIR_BALLS:
             flesh[place] = _NO_PLAY
     return np.concatenate([lengths, [_FINGERS_PLAY, _FINGERS_PLAY], flesh])
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..body import BALL_NAMES, FREE_BALLS, QUANTITIES, Body, Prior, Shape, Skeleton
+from ..body import BAG_BALLS, BALL_NAMES, FREE_BALLS, HAIR_BALLS, QUANTITIES, Body, Prior, Shape, Skeleton
 
 # Standard deviation of where it is and how thick it is (m), before the adjustment.
 _ROUGHLY = 0.03
@@ -18,7 +18,7 @@ _STATURE = 1.7
 _BACKPACK, _BAG_RADIUS = ((-0.18, 0.07, 0.38), (-0.18, 0.07, 0.12)), 0.11
 _HAIR, _HAIR_RADIUS = ((-0.08, 0.0, 0.13), (-0.13, 0.0, 0.42)), 0.08
 
-_BAG_BALLS, _HAIR_BALLS = ("l_bag_top", "l_bag_low"), ("hair_top", "hair_low")
+_LEFT_BAG = tuple(f"l_{ball}" for ball in BAG_BALLS)
 # Backpacks cost 0.16 to 0.79 of what the same people cost without one, people in skirts and coats but without luggage
 # 0.99 to 1.5 times as much with a backpack (crowd p00 to p07, seed 4 of the clothes), and a real person without luggage
 # 0.98 times as much with what the hull holds behind the back.
@@ -38,7 +38,7 @@ class Addition(NamedTuple):
         worth: A body with it must cost less than this share of what it costs without.
     """
 
-    balls: tuple[str, str]
+    balls: tuple[str, ...]
     ends: Float[np.ndarray, "ends=2 3"]
     radius: float
     worth: float
@@ -46,12 +46,12 @@ class Addition(NamedTuple):
     @property
     def is_hair(self) -> bool:
         """Whether it is hair, and no bag."""
-        return self.balls == _HAIR_BALLS
+        return self.balls == HAIR_BALLS
 
 
 def luggage(ends: Float[np.ndarray, "ends=2 3"], radius: float) -> Addition:
     """A bag as two upright capsules side by side, of which this is the left one (m, relative to the chest)."""
-    return Addition(_BAG_BALLS, ends, radius, _WITH_BAG)
+    return Addition(_LEFT_BAG, ends, radius, _WITH_BAG)
 
 
 def usual_backpack(skeleton: Skeleton) -> Addition:
@@ -63,7 +63,7 @@ def usual_backpack(skeleton: Skeleton) -> Addition:
 def usual_hair(skeleton: Skeleton) -> Addition:
     """Long hair of a person of this size, to start from."""
     size = skeleton.stature / _STATURE
-    return Addition(_HAIR_BALLS, size * np.array(_HAIR), size * _HAIR_RADIUS, _WITH_HAIR)
+    return Addition(HAIR_BALLS, size * np.array(_HAIR), size * _HAIR_RADIUS, _WITH_HAIR)
 
 
 def with_addition(shape: Shape, body: Body, addition: Addition) -> Shape:

@@ -31,6 +31,7 @@ from ..body import (
 )
 from ..refinement.parametrisations import HingedLimbs
 from ..refinement.terms import (
+    INSIDE_OVER_OUTLINES,
     CapsuleTerm,
     ContourContact,
     InsideSilhouettes,
@@ -53,8 +54,7 @@ _MEASUREMENTS, _DEVIATION = 30, 0.005
 # distance times this is the standard deviation of distances that are normally distributed.
 _OF_MEDIAN = 1.48
 _CONTOURS = np.float32(_MEASUREMENTS / _DEVIATION**2)
-# Same ratio to the weight of the contours as in `volume_objective`.
-_INSIDE = _CONTOURS * 7.16e4 / 1.2e5
+_INSIDE = _CONTOURS * INSIDE_OVER_OUTLINES
 # Robust scale (m) of ray distances, for both signs: a body too fat is as wrong as one too thin.
 SCALE = np.float32(0.018)
 # In the first steps the scale (m) is wider and narrows by this factor, so that thick clothes attract the body. Until it

@@ -9,11 +9,11 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..body import QUANTITIES, Prior, Shape
+from ..body import BAG_BALLS, HAIR_BALLS, QUANTITIES, Prior, Shape
 
 # Hands and feet are seen as they are, or in shoes, which the table's deviations allow for: trousers end at the hem. If
 # ankles and heels grew to the width of trousers, legs would become too short. Bags are no flesh.
-_BARE = ("palm", "finger", "ankle", "heel", "ball", "toe", "bag_top", "bag_low", "hair_top", "hair_low")
+_BARE = ("palm", "finger", "ankle", "heel", "ball", "toe", *BAG_BALLS, *HAIR_BALLS)
 # What is worn may be in front of these or, like a bag, behind them. Around limbs it is equally thick, so that their
 # flesh still tells front and back apart.
 _ASIDE = ("seat", "waist", "chest", "girdle", "nape", "face", "crown")

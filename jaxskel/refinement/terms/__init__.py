@@ -38,6 +38,7 @@ from ._losses import Cauchy as Cauchy
 from ._losses import GemanMcClure as GemanMcClure
 from ._losses import Huber as Huber
 from ._losses import robust_rows as robust_rows
+from ._objectives import INSIDE_OVER_OUTLINES as INSIDE_OVER_OUTLINES
 from ._objectives import paper_objective as paper_objective
 from ._objectives import search_objective as search_objective
 from ._objectives import volume_objective as volume_objective

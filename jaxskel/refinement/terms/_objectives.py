@@ -34,6 +34,11 @@ def paper_objective() -> Objective:
     )
 
 
+_OUTLINES = 1.2e5
+INSIDE_OVER_OUTLINES = 7.16 / 12
+"""Weight of staying inside the silhouettes over that of touching their outlines."""
+
+
 def volume_objective(body: Body) -> Objective:
     """Fit a body with volume to the silhouettes: touch their outlines, stay inside, respect the limits of joints.
 
@@ -44,9 +49,9 @@ def volume_objective(body: Body) -> Objective:
     share = len(body.links) / len(LINKS)
     return Objective(
         {
-            "contours": ContourContact(body=body, weight=1.2e5),
-            # A mean over all capsules: 7e4 with the 43 of before hair was one.
-            "inside": InsideSilhouettes(body=body, weight=7.16e4 * share),
+            "contours": ContourContact(body=body, weight=_OUTLINES),
+            # A mean over all capsules: 7/12 with the 43 of before hair was one.
+            "inside": InsideSilhouettes(body=body, weight=_OUTLINES * INSIDE_OVER_OUTLINES * share),
             "collision": ArmCollision(body=body, weight=800.0),
             "hinges": HingeLimits(skeleton=body.skeleton, weight=40.0),
             "shoulders": ShoulderLimits(skeleton=body.skeleton, weight=300.0),
