@@ -33,11 +33,11 @@ from ..hull import (
 )
 from ..matching import estimate_size, estimate_stature, size_of_limbs
 from ..recording import Recording, find_empty_views, rotation_to_z_up, silhouette_areas
-from ..search import make_model, prior_in_clothes
+from ..search import make_model
 from ._ahead import compile_ahead
 from ._observe_batch import label_graphs, observe_batch
 from ._prepared import Prepared
-from ._settings import Settings
+from ._settings import Settings, weight_of_priors
 from ._subject import OTHER_SIZES, find_subject
 from ._subject_frames import sight_of
 
@@ -153,7 +153,7 @@ def with_model(prepared: Prepared, settings: Settings) -> Prepared:
     """The same with the body prepared for the search, if there is one."""
     if settings.search is None:
         return prepared
-    model = make_model(prepared.body, settings.search.objective, prior_in_clothes(prepared.clothes))
+    model = make_model(prepared.body, settings.search.objective, weight_of_priors(settings, prepared.clothes))
     return replace(prepared, model=model, worn=worn_around_joints(prepared.body))
 
 

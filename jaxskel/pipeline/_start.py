@@ -37,7 +37,6 @@ from ..search import (
     lost,
     make_model,
     must_be_found,
-    prior_in_clothes,
     search_in_doubt,
     search_is_due,
     searched_uncertainty,
@@ -51,7 +50,7 @@ from ..search import (
 from ._evidence import observed_graph
 from ._observe_batch import Labelled, Observation, draw_graphs, label_graphs, look_at_outlines, observe_batch
 from ._prepared import Prepared
-from ._settings import Settings
+from ._settings import Settings, weight_of_priors
 
 # A body whose path lengths from head to feet differ from the template's by more than this share is not this person, or
 # only a part of a person.
@@ -98,7 +97,7 @@ def start_of(
     model = (
         None
         if search is None
-        else prepared.model or make_model(prepared.body, search.objective, prior_in_clothes(prepared.clothes))
+        else prepared.model or make_model(prepared.body, search.objective, weight_of_priors(settings, prepared.clothes))
     )
     needs_graph = objective.needs_graph or (model is not None and model.objective.needs_graph)
     if at_once == 1 and track is not None and model is not None and not needs_graph:
