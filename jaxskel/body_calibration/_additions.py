@@ -18,7 +18,7 @@ _STATURE = 1.7
 _BACKPACK, _BAG_RADIUS = ((-0.18, 0.07, 0.38), (-0.18, 0.07, 0.12)), 0.11
 _HAIR, _HAIR_RADIUS = ((-0.08, 0.0, 0.13), (-0.13, 0.0, 0.42)), 0.08
 
-_LEFT_BAG = tuple(f"l_{ball}" for ball in BAG_BALLS)
+_LEFT_BAG = f"l_{BAG_BALLS[0]}", f"l_{BAG_BALLS[1]}"
 # Backpacks cost 0.16 to 0.79 of what the same people cost without one, people in skirts and coats but without luggage
 # 0.99 to 1.5 times as much with a backpack (crowd p00 to p07, seed 4 of the clothes), and a real person without luggage
 # 0.98 times as much with what the hull holds behind the back.
@@ -38,7 +38,7 @@ class Addition(NamedTuple):
         worth: A body with it must cost less than this share of what it costs without.
     """
 
-    balls: tuple[str, ...]
+    balls: tuple[str, str]
     ends: Float[np.ndarray, "ends=2 3"]
     radius: float
     worth: float

@@ -33,17 +33,16 @@ class Commands(TyperGroup):
 
 def imported(name: str) -> Any:
     """The command of a name, as typer makes it of its function."""
-    function = name.replace("-", "_")
-    module = import_module(f".{_module(name)}", __package__)
+    function = _function(name)
     alone = typer.Typer(add_completion=False)
-    alone.command(name)(getattr(module, function))
+    alone.command(name)(getattr(import_module(f"._{function}", __package__), function))
     return get_command(alone)
 
 
 def described(name: str) -> Callable[[], None]:
     """A function without arguments that has the docstring of a command's function, which is read from its file."""
-    tree = ast.parse((Path(__file__).parent / f"{_module(name)}.py").read_text(encoding="utf-8"))
-    function = name.replace("-", "_")
+    function = _function(name)
+    tree = ast.parse((Path(__file__).parent / f"_{function}.py").read_text(encoding="utf-8"))
 
     def stand_in() -> None: ...
 
@@ -53,5 +52,5 @@ def described(name: str) -> Callable[[], None]:
     return stand_in
 
 
-def _module(name: str) -> str:
-    return f"_{name.replace('-', '_')}"
+def _function(name: str) -> str:
+    return name.replace("-", "_")

@@ -18,6 +18,7 @@ from ..search import any_poses, fits_ahead, limbs_ahead, make_model
 from ._refine import refine_ahead
 from ._settings import Settings
 from ._subject import THINNED
+from ._subject_frames import NO_PRIOR
 
 
 def compile_ahead(
@@ -38,7 +39,7 @@ def compile_ahead(
     skeleton, known = settings.average, settings.body is not None
     stack, body = filled(_nobody(cameras, data or {})), settings.body or make_body(skeleton)
     # Weights make no other program; without a prior, nothing is computed for its tables.
-    model, poses = make_model(body, settings.search.objective, prior=0.0), any_poses(len(stack.inner))
+    model, poses = make_model(body, settings.search.objective, NO_PRIOR), any_poses(len(stack.inner))
     threads = ThreadPoolExecutor(usable_cores())
     fits_ahead(threads, model, stack)
     objective = settings.refinement.objective_for(body)

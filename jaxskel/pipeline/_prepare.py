@@ -33,7 +33,7 @@ from ..hull import (
 )
 from ..matching import estimate_size, estimate_stature, size_of_limbs
 from ..recording import Recording, find_empty_views, rotation_to_z_up, silhouette_areas
-from ..search import make_model
+from ..search import Model, make_model
 from ._ahead import compile_ahead
 from ._observe_batch import label_graphs, observe_batch
 from ._prepared import Prepared
@@ -151,10 +151,15 @@ def changing_grid(prepared: Prepared, grid: VoxelGrid, size: tuple[int, int], se
 
 def with_model(prepared: Prepared, settings: Settings) -> Prepared:
     """The same with the body prepared for the search, if there is one."""
+    model = model_of(prepared, settings)
+    return prepared if model is None else replace(prepared, model=model, worn=worn_around_joints(prepared.body))
+
+
+def model_of(prepared: Prepared, settings: Settings) -> Model | None:
+    """The body prepared for the search; None without one."""
     if settings.search is None:
-        return prepared
-    model = make_model(prepared.body, settings.search.objective, weight_of_priors(settings, prepared.clothes))
-    return replace(prepared, model=model, worn=worn_around_joints(prepared.body))
+        return None
+    return make_model(prepared.body, settings.search.objective, weight_of_priors(settings, prepared.clothes))
 
 
 def _min_views(settings: Settings, cameras: Cameras) -> int:

@@ -35,7 +35,6 @@ from ..search import (
     graphless_poses,
     initial_poses,
     lost,
-    make_model,
     must_be_found,
     search_in_doubt,
     search_is_due,
@@ -49,8 +48,9 @@ from ..search import (
 )
 from ._evidence import observed_graph
 from ._observe_batch import Labelled, Observation, draw_graphs, label_graphs, look_at_outlines, observe_batch
+from ._prepare import model_of
 from ._prepared import Prepared
-from ._settings import Settings, weight_of_priors
+from ._settings import Settings
 
 # A body whose path lengths from head to feet differ from the template's by more than this share is not this person, or
 # only a part of a person.
@@ -94,11 +94,7 @@ def start_of(
         The people seen, the start (None if nobody is seen), and the tracking state for the next batch.
     """
     search, tracking = settings.search, settings.tracking
-    model = (
-        None
-        if search is None
-        else prepared.model or make_model(prepared.body, search.objective, weight_of_priors(settings, prepared.clothes))
-    )
+    model = None if search is None else prepared.model or model_of(prepared, settings)
     needs_graph = objective.needs_graph or (model is not None and model.objective.needs_graph)
     if at_once == 1 and track is not None and model is not None and not needs_graph:
         followed = None

@@ -1,7 +1,7 @@
 """The initial pose from the seven labelled nodes and the graph paths between them (Sect. 3.3)."""
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from .._math.rotations import aligning, frame
 from ..body import (
@@ -17,29 +17,25 @@ from ..body import (
 )
 from ..matching import END_NODE_REACH, HEAD, L_FOOT, L_HAND, R_FOOT, R_HAND, Limbs
 
+
+def _numbers(among: tuple[str, ...], *names: str) -> Int[np.ndarray, " names"]:
+    return np.array([among.index(name) for name in names])
+
+
 # The four limbs, arms first: their labels, the segments that carry them, their two bones, and their points.
 _LIMBS = np.array([L_HAND, R_HAND, L_FOOT, R_FOOT])
-_GIRDLES, _UPPER, _LOWER = (
-    np.array([SEGMENT_NAMES.index(name) for name in names])
-    for names in (
-        ("l_clavicle", "r_clavicle", "pelvis", "pelvis"),
-        ("l_upper_arm", "r_upper_arm", "l_thigh", "r_thigh"),
-        ("l_forearm", "r_forearm", "l_shank", "r_shank"),
-    )
-)
-_TOP, _MIDDLE, _END = (
-    np.array([JOINT_NAMES.index(name) for name in names])
-    for names in (
-        ("l_shoulder", "r_shoulder", "l_hip", "r_hip"),
-        ("l_elbow", "r_elbow", "l_knee", "r_knee"),
-        ("l_hand", "r_hand", "l_foot", "r_foot"),
-    )
-)
-_TIPS = np.array([TIP_NAMES.index(name) for name in ("l_fingertip", "r_fingertip", "l_toetip", "r_toetip")])
-_ANKLES = np.array([PIVOT_NAMES.index(name) for name in ("l_ankle", "r_ankle")])
+_GIRDLES = _numbers(SEGMENT_NAMES, "l_clavicle", "r_clavicle", "pelvis", "pelvis")
+_UPPER = _numbers(SEGMENT_NAMES, "l_upper_arm", "r_upper_arm", "l_thigh", "r_thigh")
+_LOWER = _numbers(SEGMENT_NAMES, "l_forearm", "r_forearm", "l_shank", "r_shank")
+_TOP = _numbers(JOINT_NAMES, "l_shoulder", "r_shoulder", "l_hip", "r_hip")
+_ABOVE = np.array(JOINT_PARENTS)[_TOP]
+_MIDDLE = _numbers(JOINT_NAMES, "l_elbow", "r_elbow", "l_knee", "r_knee")
+_END = _numbers(JOINT_NAMES, "l_hand", "r_hand", "l_foot", "r_foot")
+_TIPS = _numbers(TIP_NAMES, "l_fingertip", "r_fingertip", "l_toetip", "r_toetip")
+_ANKLES = _numbers(PIVOT_NAMES, "l_ankle", "r_ankle")
 _NECK, _HEAD = JOINT_NAMES.index("neck"), JOINT_NAMES.index("head")
 _CHEST, _HEAD_SEGMENT = SEGMENT_NAMES.index("chest"), SEGMENT_NAMES.index("head")
-_TRUNK = np.array([SEGMENT_NAMES.index(name) for name in ("pelvis", "chest", "l_clavicle", "r_clavicle")])
+_TRUNK = _numbers(SEGMENT_NAMES, "pelvis", "chest", "l_clavicle", "r_clavicle")
 
 
 def initial_poses(limbs: Limbs, facing: Float[np.ndarray, "frames 3"], skeleton: Skeleton) -> Pose:
@@ -73,7 +69,7 @@ def initial_poses(limbs: Limbs, facing: Float[np.ndarray, "frames 3"], skeleton:
     to_middle, to_end = _along_limbs(skeleton)
     middle, end = limbs.at(_LIMBS, to_middle), limbs.at(_LIMBS, to_end)
     girdles = rotations[:, _GIRDLES]
-    base = limbs.inner[:, [1, 1, 0, 0]] + _turned(girdles, rest[_TOP] - rest[np.array(JOINT_PARENTS)[_TOP]])
+    base = limbs.inner[:, [1, 1, 0, 0]] + _turned(girdles, rest[_TOP] - rest[_ABOVE])
     upper, lower = rest[_MIDDLE] - rest[_TOP], rest[_END] - rest[_MIDDLE]
     found = limbs.found[:, _LIMBS, None]
     rotations[:, _UPPER] = _pointed(girdles, upper, np.where(found, middle - base, _turned(girdles, upper)))

@@ -40,6 +40,8 @@ def objective_of(given: Any, body: Body) -> Objective:
     Raises:
         ValueError: A function made something else.
     """
-    found = given if isinstance(given, Objective) or hasattr(given, "residuals") else given(body)
+    if isinstance(given, Objective):
+        return given
+    found = given if hasattr(given, "residuals") else given(body)
     check_objective(found)
     return found
