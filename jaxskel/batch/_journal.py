@@ -15,13 +15,14 @@ from ..body import HUMAN_15, Pose, Skeleton, SkeletonTemplate, default_adult
 from ..io.files import numbers, read_arrays, texts
 from ..io.recordings import template_of
 from ..poses import Poses
-from ..search import Track
+from ..search import Rival, Track
 from ._disk import remove_unfinished
 
 _ROWS, _STATE = "rows.bin", "state.npz"
 _AT_REST = ("rest_joints", "rest_tips")  # of the skeleton
 _NOWHERE = Pose(np.zeros(3), np.zeros((len(HUMAN_15.segment_names), 3, 3)))
-_TRACK = jax.tree.structure(Track(_NOWHERE, _NOWHERE, 0, np.zeros(0)))
+_ALONE = Track(_NOWHERE, _NOWHERE, 0, np.zeros(0))
+_TRACKS = [jax.tree.structure(track) for track in (_ALONE, replace(_ALONE, rival=Rival(_NOWHERE, _NOWHERE, 0.0)))]
 
 
 class Journal:
@@ -85,7 +86,7 @@ class Journal:
         )  # fmt: skip
 
     def _resume(self) -> None:
-        leaves = tuple(f"track{i}" for i in range(_TRACK.num_leaves))
+        leaves = tuple(f"track{i}" for i in range(max(track.num_leaves for track in _TRACKS)))
         arrays = read_arrays(self._state, ("work", "request", "frames", "digest", "template", *_AT_REST), leaves)
         frames, template = int(numbers(self._state, arrays, "frames", ())), template_of(self._state, arrays)
         size = row_of(template).itemsize
@@ -100,13 +101,19 @@ class Journal:
             raise ValueError(f"{self.folder}: the poses are from before they were to be computed again")
         self.frames, self._digest = frames, found
         self._skeleton = Skeleton(arrays["rest_joints"], arrays["rest_tips"], template)
-        there = [key in arrays for key in leaves]
-        if any(there) and not all(there):
-            raise ValueError(f"{self._state}: a part of the track is lost")
-        if all(there):
-            track = jax.tree.unflatten(_TRACK, [arrays[key] for key in leaves])
-            # Numbers that were Python's are so again: JAX compiles anew for others.
-            self.track = replace(track, since=int(track.since), sides=float(track.sides))
+        there = [arrays[key] for key in leaves if key in arrays]
+        if there:
+            self.track = self._track_of(there)
+
+    def _track_of(self, leaves: list[np.ndarray]) -> Track:
+        """The tracking state with these arrays."""
+        for structure in _TRACKS:
+            if structure.num_leaves == len(leaves):
+                track = jax.tree.unflatten(structure, leaves)
+                # Numbers that were Python's are so again: JAX compiles anew for others.
+                rival = track.rival and replace(track.rival, excess=float(track.rival.excess))
+                return replace(track, since=int(track.since), sides=float(track.sides), rival=rival)
+        raise ValueError(f"{self._state}: a part of the track is lost")
 
 
 def row_of(template: SkeletonTemplate) -> np.dtype:

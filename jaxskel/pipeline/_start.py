@@ -44,6 +44,7 @@ from ..search import (
     start_poses,
     target_poses,
     track_frames,
+    turned_rivals,
     unexplained_shares,
 )
 from ._evidence import observed_graph
@@ -222,7 +223,8 @@ def _by_following(
 def _search_of(settings: Settings, prepared: Prepared) -> Search:
     """Breadth and depth of the search, relative to what this subject's poses cost."""
     assert settings.search is not None
-    return settings.search.relative_to(None if prepared.costs is None else prepared.costs.low)
+    costs = prepared.costs
+    return settings.search if costs is None else settings.search.relative_to(costs.low, costs.typical)
 
 
 def _start_from(
@@ -232,12 +234,13 @@ def _start_from(
     costs, skeleton = prepared.costs, prepared.skeleton
     unexplained = _unexplained(found.best, observed, prepared.body)
     unusual = cost_threshold(None if costs is None else costs.typical)
-    away = _away(found, skeleton, length_of(observed))
+    away, turned = _away(found, skeleton, length_of(observed)), turned_rivals(found)
 
     def uncertainty(refined: Refined) -> Uncertainty:
         return searched_uncertainty(
-            away, found.cost, np.asarray(refined.covariance), unusual, unexplained, prepared.clothes, prepared.worn
-        )
+            away, found.cost, np.asarray(refined.covariance), unusual, unexplained, prepared.clothes, prepared.worn,
+            turned,
+        )  # fmt: skip
 
     return Start(found.best, observed, unexplained < NOT_THE_SUBJECT, sides, uncertainty, found)
 

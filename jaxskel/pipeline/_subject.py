@@ -105,7 +105,7 @@ def find_subject(
             decide.
         on_stage: Called with each of `STAGES` as it begins.
     """
-    given = Given(template, prior, sight, on_device(sight.observed), search)
+    given = Given(template, prior, sight, on_device(sight.observed), search.without_rivals())
     every = np.arange(len(sight.middles))
     on_stage(STAGES[0])
     shape = prior(template.stature).mean

@@ -17,7 +17,6 @@ from ..search import (
     fit_scales,
     graphless_poses,
     make_model,
-    pool_of,
     solve_frames,
     start_poses,
 )
@@ -80,8 +79,7 @@ class Given(NamedTuple):
         """The poses of another body of nearly the same shape, from those found; searched for where none fits."""
         model = make_model(measured_body(self.template, shape), self.search.objective, NO_PRIOR)
         every, count = np.arange(len(found.cost)), found.cost.shape[1]
-        pool = take(pool_of(found.poses, every), np.isfinite(found.cost).ravel())
-        fitted = fit_pool(model.body, model.objective, pool, self.stack, FINE).rows(every, count)
+        fitted = fit_pool(model.body, model.objective, found.pool(every), self.stack, FINE).rows(every, count)
         doubtful = np.flatnonzero(fitted.cost[:, 0] > self.search.doubtful)
         if len(doubtful) == 0:
             return fitted

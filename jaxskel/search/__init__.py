@@ -8,6 +8,7 @@ from ._ahead import any_poses as any_poses
 from ._ahead import fits_ahead as fits_ahead
 from ._ahead import limbs_ahead as limbs_ahead
 from ._costs import costs_by_term as costs_by_term
+from ._facing import turned_rivals as turned_rivals
 from ._fit import fit_pool as fit_pool
 from ._fit import fit_poses as fit_poses
 from ._fit import fit_scales as fit_scales
@@ -34,6 +35,7 @@ from ._start_poses import start_poses as start_poses
 from ._target_poses import target_poses as target_poses
 from ._track import Proposed as Proposed
 from ._track import track_frames as track_frames
+from ._track_state import Rival as Rival
 from ._track_state import Searched as Searched
 from ._track_state import Track as Track
 from ._track_state import Tracking as Tracking

@@ -1,27 +1,13 @@
 """Which of several tracks a film follows in each frame: the path that is cheapest over all frames."""
 
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Float, Int
 
-from ..body import SEGMENT_NAMES, Pose
+from ._facing import turned_round
 from ._track_state import Tracking
 
 # Two poses are the same if no joint differs by more than this (m).
-_SAME = 0.05
-# The segments that tell which way a body faces, and their axis that points to the left.
-_TRUNK, _LEFT = [SEGMENT_NAMES.index(name) for name in ("pelvis", "chest")], 1
-
-
-def left_of(poses: Pose) -> Float[Array | np.ndarray, "*poses 3"]:
-    """Direction in which the left side of a body lies, twice as long as a unit vector where it is not twisted."""
-    return poses.rotations[..., _LEFT][..., _TRUNK, :].sum(-2)
-
-
-def turned_round(
-    left: Float[Array | np.ndarray, "*#poses 3"], other: Float[Array | np.ndarray, "*#poses 3"]
-) -> Bool[Array | np.ndarray, "*poses"]:
-    """Whether two bodies face opposite ways, from the directions of their left sides."""
-    return (left * other).sum(-1) < 0
+SAME = 0.05
 
 
 def jump_costs(
@@ -40,7 +26,7 @@ def jump_costs(
         other_left: The same of the second poses.
         tracking: Margins.
     """
-    apart = np.linalg.norm(places - others, axis=-1).max(-1) > _SAME
+    apart = np.linalg.norm(places - others, axis=-1).max(-1) > SAME
     margin = np.where(turned_round(left, other_left), tracking.turn_margin, tracking.margin)
     return np.where(apart, margin, 0.0)
 
@@ -57,15 +43,36 @@ def cheapest_path(
         jumps: Cost of changing from a track to another one after each frame.
         first: Cost of beginning on each track.
     """
-    frames, tracks = costs.shape
-    total = costs[0].astype(np.float64) + first
-    came = np.zeros((frames, tracks), int)
-    for frame in range(1, frames):
-        ways = total[:, None] + jumps[frame - 1]
-        came[frame] = ways.argmin(0)
-        total = ways.min(0) + costs[frame]
+    frames = len(costs)
+    total, came = _totals(costs, jumps, first)
     path = np.zeros(frames, int)
-    path[-1] = total.argmin()
+    path[-1] = total[-1].argmin()
     for frame in range(frames - 1, 0, -1):
         path[frame - 1] = came[frame, path[frame]]
     return path
+
+
+def costs_through(
+    costs: Float[np.ndarray, "frames tracks"],
+    jumps: Float[np.ndarray, "frames tracks tracks"],
+    first: Float[np.ndarray, " tracks"],
+) -> Float[np.ndarray, "frames tracks"]:
+    """Summed cost of the cheapest path that is on a track in a frame. Arguments are those of `cheapest_path`."""
+    before = _totals(costs, jumps, first)[0]
+    after = _totals(costs[::-1], np.roll(jumps[::-1], -1, 0).swapaxes(1, 2), np.zeros(costs.shape[1]))[0][::-1]
+    return before + after - costs
+
+
+def _totals(
+    costs: Float[np.ndarray, "frames tracks"],
+    jumps: Float[np.ndarray, "frames tracks tracks"],
+    first: Float[np.ndarray, " tracks"],
+) -> tuple[Float[np.ndarray, "frames tracks"], Int[np.ndarray, "frames tracks"]]:
+    """Summed cost of the cheapest path to each track in each frame, and the track that it comes from."""
+    total, came = np.zeros(costs.shape), np.zeros(costs.shape, int)
+    total[0] = costs[0].astype(np.float64) + first
+    for frame in range(1, len(costs)):
+        ways = total[frame - 1][:, None] + jumps[frame - 1]
+        came[frame] = ways.argmin(0)
+        total[frame] = ways.min(0) + costs[frame]
+    return total, came

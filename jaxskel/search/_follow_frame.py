@@ -14,12 +14,13 @@ from .._runtime.batching import on_device
 from .._runtime.steps import Steps
 from ..body import Pose
 from ..refinement.terms import Observed
+from ._best_track import best_track, follow_scales
 from ._fit import fit_pool
 from ._hypotheses import Hypotheses, Pool, pool_of
 from ._model import Model
 from ._search import cost_threshold
-from ._track import best_track, between_searches, follow_scales, state_after
-from ._track_state import Ongoing, Searched, Track, Tracking
+from ._track import state_after
+from ._track_state import Ongoing, Searched, Track, Tracking, between_searches
 
 # A pose that costs more than this many times what few frames of the subject cost is not followed any further.
 _ASTRAY = 1.5

@@ -37,6 +37,11 @@ class Hypotheses:
         rows = np.arange(len(order))[:, None]
         return jax.tree.map(lambda a: a[rows, order], self)
 
+    def pool(self, frames: Int[np.ndarray, " some"]) -> "Pool":
+        """Those that there are, as a pool; `frames` are the frames' indices in the stack."""
+        poses = pool_of(self.poses, frames)
+        return take(Pool(poses.frame, poses.poses, self.cost.ravel()), np.isfinite(self.cost).ravel())
+
     def replaced(self, frames: Int[np.ndarray, " some"], others: "Hypotheses") -> "Hypotheses":
         """The same with those of some frames replaced."""
 

@@ -8,13 +8,14 @@ from functools import partial
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Array, Int
+from jaxtyping import Array, Float, Int
 
 from .._runtime.batching import length_of, on_device, take
 from .._runtime.kinds import check_count, check_number
 from .._runtime.steps import Steps, finished
 from ..body import SEGMENT_NAMES, Pose, place_joints
 from ..refinement.terms import GivenObjective, Observed, check_given, search_objective
+from ._facing import both_ways, turned_starts
 from ._fit import fit_scales, fitting, in_chunks
 from ._hypotheses import Hypotheses, Pool, pool_of, select_distinct
 from ._limb_proposals import with_pairs, with_single
@@ -64,6 +65,8 @@ class Search(eqx.Module):
             falls.
         doubtful: Above this cost the legs are searched for too, and then the search starts again from the fallback
             poses.
+        vague: Above this cost a pose that faces the other way is searched for too: silhouettes may not tell. Rendered
+            people in clothes typically cost up to 24, a real child in wide clothes, who was turned round, 56.
     """
 
     objective: GivenObjective = search_objective
@@ -78,6 +81,7 @@ class Search(eqx.Module):
     steps: int = 8
     again: int = 2
     doubtful: float = 45.0
+    vague: float = 35.0
 
     def __check_init__(self):
         """Reject what is no objective, and numbers that make no sense."""
@@ -85,16 +89,26 @@ class Search(eqx.Module):
         for name in ("rough_steps", "starts", "leg_steps", "trunks", "pairs", "singles", "steps"):
             check_count(name, getattr(self, name))
         check_count("again", self.again, 0)
-        for name in ("trunk_margin", "margin"):
+        for name in ("trunk_margin", "margin", "vague"):
             check_number(name, getattr(self, name), 0.0, np.inf, "a cost, zero or more")
 
-    def relative_to(self, low: float | None) -> "Search":
-        """The same search with `doubtful` set relative to `low`, the cost of this recording's cheapest frames."""
-        return (
-            self
-            if low is None
-            else eqx.tree_at(lambda s: s.doubtful, self, low + max(_DOUBTFUL, _DOUBTFUL_SHARE * low))
-        )
+    def relative_to(self, low: float, typical: float) -> "Search":
+        """The same search for a recording whose cheapest frames cost `low`, and others `typical`.
+
+        Where a pose typically costs more than `vague`, one that faces the other way is searched for in each frame.
+        """
+        doubtful = low + max(_DOUBTFUL, _DOUBTFUL_SHARE * low)
+        vague = 0.0 if typical > self.vague else self.vague
+        return eqx.tree_at(lambda s: (s.doubtful, s.vague), self, (doubtful, vague))
+
+    @property
+    def looks_both_ways(self) -> bool:
+        """Whether a pose that faces the other way is searched for in each frame."""
+        return self.vague == 0
+
+    def without_rivals(self) -> "Search":
+        """The same search without poses that face the other way than the best."""
+        return eqx.tree_at(lambda s: s.vague, self, np.inf)
 
 
 def cost_threshold(typical: float | None) -> float:
@@ -124,7 +138,8 @@ def solve_frames(
         frames: Indices of the frames to search in; by default all.
 
     Returns:
-        Poses (m, in the world) with axes ``some hypotheses``, the cheapest first; no two of a frame are alike.
+        Poses (m, in the world) with axes ``some hypotheses``, the cheapest first; no two of a frame are alike. Where
+        the cheapest costs more than `Search.vague`, one that faces the other way is among them.
     """
     return finished(solving(model, search, starts, fallback, observed, frames))
 
@@ -145,10 +160,12 @@ def solving(
     def searched(starts: Pose, frames: Int[np.ndarray, " some"], wide: bool) -> Steps[Pool]:
         return (yield from _searched(model, search, pool_of(starts, frames), stack, wide)).distinct(most)
 
-    def around(frames: Int[np.ndarray, " some"]) -> Pose:
+    def joints_found(frames: Int[np.ndarray, " some"]) -> Float[np.ndarray, "some joints 3"]:
         best = found.rows(frames, 1).best
-        joints = np.asarray(place_joints(model.skeleton, on_device(best, length_of(stack)))[0])
-        return other_ways(joints[: len(frames)], model.skeleton)
+        return np.asarray(place_joints(model.skeleton, on_device(best, length_of(stack)))[0])[: len(frames)]
+
+    def around(frames: Int[np.ndarray, " some"]) -> Pose:
+        return other_ways(joints_found(frames), model.skeleton)
 
     found = yield from searched(starts, frames, wide=False)
     for more in (lambda frames: take(fallback, frames), around):
@@ -157,6 +174,11 @@ def solving(
         if len(doubtful):
             others = yield from searched(more(doubtful), doubtful, wide=True)
             found = found.joined(others).distinct(most)
+    best = found.cheapest(1)
+    vague = best.frame[best.cost > search.vague]
+    if len(vague):
+        others = yield from searched(turned_starts(joints_found(vague), model.skeleton), vague, wide=False)
+        found = both_ways(found.joined(others), most)
     return found.rows(frames, most)
 
 

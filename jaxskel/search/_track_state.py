@@ -54,6 +54,10 @@ class Tracking(eqx.Module):
         turn = wider * self.turn_margin if fps >= _TURNING else margin
         return replace(self, margin=margin, turn_margin=max(turn, margin))
 
+    def with_turns(self, margin: float) -> "Tracking":
+        """The same with another margin for poses that face the other way."""
+        return replace(self, turn_margin=margin)
+
 
 class Searched(NamedTuple):
     """What a full search found in one frame.
@@ -85,6 +89,18 @@ class Ongoing:
     rested: bool = True
 
 
+class Rival(eqx.Module):
+    """State of a second track, which faces the other way.
+
+    Attributes:
+        excess: How much more the cheapest path costs that ends on it than the one that was chosen.
+    """
+
+    last: Pose
+    before: Pose
+    excess: float
+
+
 class Track(eqx.Module):
     """State of tracking after the last frame.
 
@@ -94,6 +110,7 @@ class Track(eqx.Module):
         sides: Confidence of the last full search that left and right are not exchanged (0.5..1).
         ongoing: A search that lasts over several frames of a stream.
         hurried: Whether searches are put off in the next frame of a stream, because other frames wait.
+        rival: A track that faces the other way and costs little more; None where there is none.
     """
 
     last: Pose
@@ -103,6 +120,12 @@ class Track(eqx.Module):
     sides: float = 0.5
     ongoing: Ongoing | None = None
     hurried: bool = eqx.field(static=True, default=False)
+    rival: Rival | None = None
+
+
+def between_searches(tracking: Tracking, fps: float) -> int:
+    """Frames from one full search to the next."""
+    return max(1, round(tracking.interval * fps))
 
 
 def must_be_found(track: Track) -> bool:

@@ -10,12 +10,12 @@ from support.capsule_films import ADULT, BODY, Filmed, film_body, joints_of, som
 from jaxskel import Pose
 from jaxskel.body import SEGMENT_NAMES
 from jaxskel.search import Hypotheses, Proposed, Search, Track, Tracking, make_model, track_frames
-from jaxskel.search._cheapest_path import cheapest_path, jump_costs
-from jaxskel.search._track import _jumps
+from jaxskel.search._best_track import _jumps
+from jaxskel.search._cheapest_path import cheapest_path, costs_through, jump_costs
 from jaxskel.synthetic import demo_motion
 
 FPS, FRAMES = 24.0, 20
-SEARCH = Search().relative_to(3.0)
+SEARCH = Search().relative_to(3.0, 4.0)
 
 
 @pytest.fixture(scope="module")
@@ -101,8 +101,14 @@ def test_path_is_the_cheapest_of_all(seed):
         between = sum(jumps[i, path[i], path[i + 1]] for i in range(frames - 1))
         return first[path[0]] + sum(costs[i, track] for i, track in enumerate(path)) + between
 
-    best = min(itertools.product(range(tracks), repeat=frames), key=total)
+    paths = list(itertools.product(range(tracks), repeat=frames))
+    best = min(paths, key=total)
     assert total(tuple(cheapest_path(costs, jumps, first))) == pytest.approx(total(best))
+    through = [
+        [min(total(path) for path in paths if path[frame] == track) for track in range(tracks)]
+        for frame in range(frames)
+    ]
+    np.testing.assert_allclose(costs_through(costs, jumps, first), through)
 
 
 def test_a_jump_costs_a_margin_and_more_if_it_turns_the_body_round():

@@ -47,6 +47,17 @@ def test_a_rival_counts_by_what_it_costs_more(extra, confidence):
     assert np.delete(trust, 5) == pytest.approx(1.0, abs=1e-3)
 
 
+def test_a_rival_that_faces_the_other_way_counts_more_the_less_a_body_explains():
+    def trust(threshold: float, turned: bool) -> float:
+        joints, costs = hypotheses(True), np.array([[5.0, 10.0]])
+        return searched_uncertainty(
+            joints, costs, SEEN, threshold, np.zeros(1), turned=np.array([[False, turned]])
+        ).confidence[0, 5]
+
+    assert trust(USUAL, False) == trust(50.0, False) > 0.99
+    np.testing.assert_allclose([trust(USUAL, True), trust(50.0, True)], 1 / (1 + np.exp([-5 / 2, -5 / 5])), atol=1e-3)
+
+
 def test_a_rival_widens_the_covariance_towards_it_alone():
     alone, rivalled = (uncertainty(hypotheses(True), 5.0, 5.0 + extra).covariance[0, 5] for extra in (1e9, 0.0))
     np.testing.assert_allclose(rivalled - alone, np.diag([0, 0, 0.5 * 0.2**2]), atol=1e-6)

@@ -1,0 +1,116 @@
+"""A second track that faces the other way, where silhouettes may not tell the front of a person from the back.
+
+Each frame by itself tells little: of 30 frames of a real child in wide clothes, 8 cost less the wrong way round. Over a
+film their sum decides. Each of the two tracks takes what searches find that faces its way.
+"""
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from .._runtime.batching import take
+from ..body import Pose
+from ..refinement.terms import Observed
+from ._best_track import best_track, places_of
+from ._cheapest_path import SAME, cheapest_path, costs_through
+from ._facing import angles_between, left_of, turned_round
+from ._hypotheses import Hypotheses, Pool
+from ._model import Model
+from ._track_state import Rival, Track, Tracking, between_searches
+
+# Angle by which a person may turn in a second (rad): one and a quarter turn.
+_TURNING = 2.5 * np.pi
+
+
+def with_rival(
+    model: Model,
+    tracking: Tracking,
+    fps: float,
+    track: Track | None,
+    found: Hypotheses,
+    offers: Pool,
+    stack: Observed,
+) -> tuple[Hypotheses, Rival | None]:
+    """Choose in each frame between a track and one that faces the other way.
+
+    Args:
+        model: The subject.
+        tracking: Settings of tracking.
+        fps: Frames per second.
+        track: State after the frames before; None at the start.
+        found: The track, see `best_track`, which took no pose that faces the other way.
+        offers: What searches found in some of the frames, both ways; at infinite cost in the others.
+        stack: Observations, on the device.
+
+    Returns:
+        Three hypotheses for each frame: the chosen one; that of the other track, which costs as much more as the
+        cheapest path through it, divided by the frames between two searches, because the costs of so many err alike;
+        and the second of the chosen track. And the state of the other track, None where it costs too much to go on.
+        `found` and None, if nothing faces the other way.
+    """
+    away = np.asarray(turned_round(left_of(offers.poses), left_of(found.best)[offers.frame]))
+    known = None if track is None else track.rival
+    if known is None:
+        known = _begun(tracking, track, take(offers, away & np.isfinite(offers.cost)))
+    if known is None:
+        return found, None
+    cost = np.where(away, offers.cost, np.inf).astype(np.float32)
+    state = Track(known.last, known.before, 0, np.zeros(0))
+    away_offers = Pool(offers.frame, offers.poses, cost)
+    other = best_track(model, tracking.with_turns(tracking.margin), state, away_offers, stack)
+    both, second = (_stacked(found, other, which) for which in (0, 1))
+    places = np.stack([places_of(model, tracks.best) for tracks in (found, other)], 1)
+    jumps = _costs_of_turns(tracking, fps, np.asarray(left_of(both.poses)), places)
+    paths = both.cost, jumps, np.array([0.0, known.excess])
+    chosen, through = cheapest_path(*paths), costs_through(*paths)
+    ordered = both.ordered(np.stack([chosen, 1 - chosen], 1))
+    excess = np.ptp(through, axis=1)
+    poses = jax.tree.map(lambda a, b: np.concatenate([a, b], 1), ordered.poses, second.ordered(chosen[:, None]).poses)
+    best, rows = ordered.cost[:, 0], np.arange(len(chosen))
+    cost = np.stack([best, best + excess / between_searches(tracking, fps), second.cost[rows, chosen]], 1)
+    return Hypotheses(poses, cost.astype(np.float32)), _rival_after(tracking, ordered, float(excess[-1]))
+
+
+def _costs_of_turns(
+    tracking: Tracking,
+    fps: float,
+    left: Float[np.ndarray, "frames tracks 3"],
+    places: Float[np.ndarray, "frames tracks joints 3"],
+) -> Float[np.ndarray, "frames tracks tracks"]:
+    """Costs of jumps between tracks, and of turns of each track to the next frame that are too fast for a person.
+
+    They grow with the angle, so that two turns by a part of it cost as much as one by all of it.
+    """
+    half_turn = tracking.turn_margin - tracking.margin
+    apart = np.linalg.norm(places[:, :, None] - places[:, None], axis=-1).max(-1) > SAME
+    jumps = apart * tracking.margin + half_turn / np.pi * angles_between(left[:, :, None], left[:, None])
+    allowed = _TURNING / fps
+    turns = np.maximum(angles_between(left[:-1], left[1:]) - allowed, 0.0) / max(np.pi - allowed, 1e-3)
+    jumps[:-1] += half_turn * np.minimum(turns, 1.0)[:, None]
+    return jumps
+
+
+def _begun(tracking: Tracking, track: Track | None, offers: Pool) -> Rival | None:
+    """A rival that begins at the first of some poses."""
+    if len(offers) == 0:
+        return None
+    first = jax.tree.map(lambda a: a[0], offers.cheapest(1).poses)
+    return Rival(first, first, 0.0 if track is None else tracking.turn_margin)
+
+
+def _rival_after(tracking: Tracking, tracks: Hypotheses, excess: float) -> Rival | None:
+    """The other track after the last frame, if it goes on."""
+    left = left_of(tracks.poses)[-1]
+    if excess >= tracking.turn_margin or not turned_round(left[0], left[1]):
+        return None
+    last, before = (_second_pose(tracks.poses, max(len(tracks.cost) - i, 0)) for i in (1, 2))
+    return Rival(last, before, excess)
+
+
+def _stacked(found: Hypotheses, other: Hypotheses, which: int) -> Hypotheses:
+    """One hypothesis of each of two tracks, with axes ``frames tracks``."""
+    return jax.tree.map(lambda a, b: np.stack([a[:, which], b[:, which]], 1), found, other)
+
+
+def _second_pose(poses: Pose, frame: int) -> Pose:
+    return jax.tree.map(lambda a: a[frame, 1], poses)
