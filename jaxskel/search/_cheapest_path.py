@@ -7,7 +7,7 @@ from ._facing import turned_round
 from ._track_state import Tracking
 
 # Two poses are the same if no joint differs by more than this (m).
-SAME = 0.05
+_SAME = 0.05
 
 
 def jump_costs(
@@ -26,7 +26,7 @@ def jump_costs(
         other_left: The same of the second poses.
         tracking: Margins.
     """
-    apart = np.linalg.norm(places - others, axis=-1).max(-1) > SAME
+    apart = np.linalg.norm(places - others, axis=-1).max(-1) > _SAME
     margin = np.where(turned_round(left, other_left), tracking.turn_margin, tracking.margin)
     return np.where(apart, margin, 0.0)
 

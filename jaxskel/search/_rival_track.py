@@ -4,19 +4,20 @@ Each frame by itself tells little: of 30 frames of a real child in wide clothes,
 film their sum decides. Each of the two tracks takes what searches find that faces its way.
 """
 
+from dataclasses import replace
+
 import jax
 import numpy as np
 from jaxtyping import Float
 
 from .._runtime.batching import take
-from ..body import Pose
 from ..refinement.terms import Observed
 from ._best_track import best_track, places_of
-from ._cheapest_path import SAME, cheapest_path, costs_through
+from ._cheapest_path import cheapest_path, costs_through, jump_costs
 from ._facing import angles_between, left_of, turned_round
 from ._hypotheses import Hypotheses, Pool
 from ._model import Model
-from ._track_state import Rival, Track, Tracking, between_searches
+from ._track_state import Rival, Track, Tracking, between_searches, last_two
 
 # Angle by which a person may turn in a second (rad): one and a quarter turn.
 _TURNING = 2.5 * np.pi
@@ -54,10 +55,9 @@ def with_rival(
         known = _begun(tracking, track, take(offers, away & np.isfinite(offers.cost)))
     if known is None:
         return found, None
-    cost = np.where(away, offers.cost, np.inf).astype(np.float32)
+    opposite = replace(offers, cost=np.where(away, offers.cost, np.float32(np.inf)))
     state = Track(known.last, known.before, 0, np.zeros(0))
-    away_offers = Pool(offers.frame, offers.poses, cost)
-    other = best_track(model, tracking.with_turns(tracking.margin), state, away_offers, stack)
+    other = best_track(model, tracking.with_turns(tracking.margin), state, opposite, stack)
     both, second = (_stacked(found, other, which) for which in (0, 1))
     places = np.stack([places_of(model, tracks.best) for tracks in (found, other)], 1)
     jumps = _costs_of_turns(tracking, fps, np.asarray(left_of(both.poses)), places)
@@ -82,8 +82,9 @@ def _costs_of_turns(
     They grow with the angle, so that two turns by a part of it cost as much as one by all of it.
     """
     half_turn = tracking.turn_margin - tracking.margin
-    apart = np.linalg.norm(places[:, :, None] - places[:, None], axis=-1).max(-1) > SAME
-    jumps = apart * tracking.margin + half_turn / np.pi * angles_between(left[:, :, None], left[:, None])
+    pairs = left[:, :, None], left[:, None]
+    jumps = jump_costs(places[:, :, None], places[:, None], *pairs, tracking.with_turns(tracking.margin))
+    jumps += half_turn / np.pi * angles_between(*pairs)
     allowed = _TURNING / fps
     turns = np.maximum(angles_between(left[:-1], left[1:]) - allowed, 0.0) / max(np.pi - allowed, 1e-3)
     jumps[:-1] += half_turn * np.minimum(turns, 1.0)[:, None]
@@ -103,14 +104,9 @@ def _rival_after(tracking: Tracking, tracks: Hypotheses, excess: float) -> Rival
     left = left_of(tracks.poses)[-1]
     if excess >= tracking.turn_margin or not turned_round(left[0], left[1]):
         return None
-    last, before = (_second_pose(tracks.poses, max(len(tracks.cost) - i, 0)) for i in (1, 2))
-    return Rival(last, before, excess)
+    return Rival(*last_two(jax.tree.map(lambda a: a[:, 1], tracks.poses)), excess)
 
 
 def _stacked(found: Hypotheses, other: Hypotheses, which: int) -> Hypotheses:
     """One hypothesis of each of two tracks, with axes ``frames tracks``."""
     return jax.tree.map(lambda a, b: np.stack([a[:, which], b[:, which]], 1), found, other)
-
-
-def _second_pose(poses: Pose, frame: int) -> Pose:
-    return jax.tree.map(lambda a: a[frame, 1], poses)

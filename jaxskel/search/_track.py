@@ -17,7 +17,7 @@ from ._hypotheses import Hypotheses, Pool, pool_of
 from ._model import Model
 from ._rival_track import with_rival
 from ._search import Search, cost_threshold, solve_frames
-from ._track_state import Track, Tracking, between_searches, must_be_found
+from ._track_state import Track, Tracking, between_searches, last_two, must_be_found
 
 # Number of past costs in the running median.
 _RECENT = 90
@@ -121,8 +121,7 @@ def _costs_after(track: Track | None, found: Hypotheses) -> Float[np.ndarray, " 
 
 def state_after(track: Track | None, found: Hypotheses, since: int, sides: float) -> Track:
     """State after the frames found; a person who was lost before a single frame has no velocity after it."""
-    count = len(found.cost)
-    last, before = (jax.tree.map(lambda a, i=i: a[max(count - i, 0)], found.best) for i in (1, 2))
-    if count == 1 and track is not None and not must_be_found(track):
+    last, before = last_two(found.best)
+    if len(found.cost) == 1 and track is not None and not must_be_found(track):
         before = track.last
     return Track(last, before, since, _costs_after(track, found), sides)

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import numpy as np
 from jaxtyping import Float
 
@@ -126,6 +127,12 @@ class Track(eqx.Module):
 def between_searches(tracking: Tracking, fps: float) -> int:
     """Frames from one full search to the next."""
     return max(1, round(tracking.interval * fps))
+
+
+def last_two(poses: Pose) -> tuple[Pose, Pose]:
+    """The last pose of successive frames and the one before, which is the same where there is only one."""
+    last, before = (jax.tree.map(lambda a, i=i: a[max(len(a) - i, 0)], poses) for i in (1, 2))
+    return last, before
 
 
 def must_be_found(track: Track) -> bool:

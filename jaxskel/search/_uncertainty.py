@@ -21,12 +21,12 @@ _FARTHEST = 1.0
 # In units of `volume_objective`: excess over the best cost that divides a rival's weight by e, and excess of the best
 # cost over the threshold that doubles the deviations.
 _RIVAL_COST, _EXCESS_COST = 0.7, 5.0
-# Doublings of the deviations at most by a high cost, and by outlines that something other than the subject causes.
-_DOUBLINGS, _UNEXPLAINED = 5.0, 4.0
-# The first of them for a rival that faces the other way, as a share of the cost threshold: the less a body explains,
+# The first of these for a rival that faces the other way, as a share of the cost threshold: the less a body explains,
 # the less its cost tells front from back. The costs of 30 frames of a child in wide clothes, who was turned round in 8
 # of them, are likeliest with this.
 _TURNED_SHARE = 0.1
+# Doublings of the deviations at most by a high cost, and by outlines that something other than the subject causes.
+_DOUBLINGS, _UNEXPLAINED = 5.0, 4.0
 # Cost threshold above which no body explains what is in most silhouettes, and doublings of the deviations for each
 # doubling of it. Thresholds are 12 to 20 for naked people, to 33 in clothes, 48 for a child in wide clothes with a
 # rope, 120 for a man on a chair.
@@ -113,7 +113,8 @@ def searched_uncertainty(
     wider = np.sqrt(loose) * _SHARE_OF_JOINT * (1 + (raw / _UNSEEN) ** _POWER) * 2 ** doublings[:, None]
     wider = np.minimum(wider, _FARTHEST / np.maximum(raw, 1e-9))
     own = covariance * (wider**2)[..., None, None] + (hidden**2)[:, None, None] * np.eye(3)
-    scale = np.where(turned, max(_TURNED_SHARE * cost_threshold, _RIVAL_COST * loose), _RIVAL_COST * loose)
+    usual = _RIVAL_COST * loose
+    scale = np.where(turned, max(_TURNED_SHARE * cost_threshold, usual), usual)
     weight = np.exp(-np.clip(cost - cost[:, :1], -50.0, None) / scale)
     weight = (weight / weight.sum(1, keepdims=True))[..., None]
     between = np.einsum("fkj,fkja,fkjb->fjab", np.broadcast_to(weight, away.shape[:3]), away, away)

@@ -12,7 +12,7 @@ from jaxskel._runtime.batching import on_device, single_precision
 from jaxskel.body import JOINT_NAMES, SEGMENT_NAMES
 from jaxskel.refinement.parametrisations import HingedLimbs
 from jaxskel.refinement.terms import place, volume_objective
-from jaxskel.search import Hypotheses, Search, fit_poses, fit_scales, make_model, solve_frames
+from jaxskel.search import Hypotheses, Search, fit_poses, fit_scales, make_model, solve_frames, turned_rivals
 from jaxskel.search._gauss_newton import descend
 from jaxskel.search._limb_search import with_limb
 from jaxskel.search._search import with_pairs, with_single
@@ -196,3 +196,20 @@ def test_a_step_of_descent_lowers_what_it_linearised(filmed):
         # Most of the cost of a wrong pose can be removed.
         assert float(after) < (0.9 if spread < 0.05 else 0.7) * float(before)
         np.testing.assert_allclose(turned @ turned.swapaxes(1, 2), np.tile(np.eye(3), (17, 1, 1)), atol=1e-5)
+
+
+def test_where_costs_tell_little_each_frame_has_a_pose_that_faces_the_other_way(filmed, found):
+    chosen = [0, 3]
+    search = SEARCH.relative_to(4.0, 60.0)
+    assert search.looks_both_ways
+    both = solve_frames(make_model(BODY), search, *some((filmed.starts, filmed.fallback, filmed.observed), chosen))
+    assert turned_rivals(both).any(1).all()
+    assert (both.cost[:, 0] <= found.cost[chosen, 0] + 1e-3).all()
+
+
+def test_a_search_looks_both_ways_only_where_poses_typically_cost_much():
+    search = Search(vague=30.0)
+    assert search.relative_to(20.0, 31.0).looks_both_ways
+    usual = search.relative_to(20.0, 29.0)
+    assert (usual.vague, usual.doubtful) == (30.0, 30.0)
+    assert not search.relative_to(20.0, 31.0).without_rivals().looks_both_ways
