@@ -101,6 +101,22 @@ def test_the_fallback_is_used_where_starts_fail(filmed):
     assert farthest(joints, filmed.joints[standing]).max() < 0.1
 
 
+def test_arms_are_searched_for_again_only_where_a_pose_costs_more_than_enough(filmed, found):
+    def costs(enough: float) -> np.ndarray:
+        search = eqx.tree_at(lambda s: s.enough, SEARCH, enough)
+        return solve_frames(make_model(BODY), search, filmed.starts, filmed.fallback, filmed.observed).cost[:, 0]
+
+    never = costs(np.inf)
+    # Half of the frames: what they cost at first is not much more than at last.
+    enough = float(np.median(never))
+    some_of_them, always = costs(enough), found.cost[:, 0]
+    cheap = never <= enough
+    np.testing.assert_allclose(some_of_them[cheap], never[cheap], rtol=1e-3)
+    np.testing.assert_allclose(some_of_them[~cheap], always[~cheap], rtol=1e-3)
+    assert (always < never).any()
+    assert (always <= never * 1.001).all()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("names", [("l_arm", "r_arm"), ("l_leg", "r_leg"), ("r_arm",)])
 def test_limbs_that_are_freed_are_found_again(filmed, names):
@@ -200,7 +216,7 @@ def test_a_step_of_descent_lowers_what_it_linearised(filmed):
 
 def test_where_costs_tell_little_each_frame_has_a_pose_that_faces_the_other_way(filmed, found):
     chosen = [0, 3]
-    search = SEARCH.relative_to(4.0, 60.0)
+    search = eqx.tree_at(lambda s: s.enough, SEARCH.relative_to(4.0, 60.0), SEARCH.enough)
     assert search.looks_both_ways
     both = solve_frames(make_model(BODY), search, *some((filmed.starts, filmed.fallback, filmed.observed), chosen))
     assert turned_rivals(both).any(1).all()
@@ -212,4 +228,5 @@ def test_a_search_looks_both_ways_only_where_poses_typically_cost_much():
     assert search.relative_to(20.0, 31.0).looks_both_ways
     usual = search.relative_to(20.0, 29.0)
     assert (usual.vague, usual.doubtful) == (30.0, 30.0)
+    assert 29.0 < usual.enough < 34.0
     assert not search.relative_to(20.0, 31.0).without_rivals().looks_both_ways
