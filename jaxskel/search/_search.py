@@ -33,7 +33,7 @@ _DEAR = 1.05, 8.0
 # raise the costs of some frames far more than of others, and then a high cost is no sign of a wrong pose.
 _DOUBTFUL = 10.0
 # Arms are searched for again where a pose costs more than what is typical by this. In 384 frames of naked people and
-# 384 in clothes (crowd p00 to p07, seed 4), 86 and 53 % of the poses cost less, and searching again moved a hand in one.
+# 384 in clothes (crowd p00 to p07, seed 4), 86 and 53 % of the poses cost less; searching again moved a hand in one.
 _ENOUGH = 3.0
 # Where the cheapest frames cost more than 40, because the subject wears or holds things, costs vary more.
 _DOUBTFUL_SHARE = 0.25
