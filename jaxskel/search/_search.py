@@ -101,11 +101,12 @@ class Search(eqx.Module):
         """The same search for a recording whose cheapest frames cost `low`, and others `typical`.
 
         Arms are searched for again only where a pose costs more than others. Where a pose typically costs more than
-        `vague`, one that faces the other way is searched for in each frame.
+        `vague`, they are in each frame, and so is a pose that faces the other way.
         """
         doubtful = low + max(_DOUBTFUL, _DOUBTFUL_SHARE * low)
-        vague = 0.0 if typical > self.vague else self.vague
-        return eqx.tree_at(lambda s: (s.enough, s.doubtful, s.vague), self, (typical + _ENOUGH, doubtful, vague))
+        # Where costs tell little, no pose is sure: of a real child, a film with fewer searches took front for back.
+        enough, vague = (self.enough, 0.0) if typical > self.vague else (typical + _ENOUGH, self.vague)
+        return eqx.tree_at(lambda s: (s.enough, s.doubtful, s.vague), self, (enough, doubtful, vague))
 
     @property
     def looks_both_ways(self) -> bool:

@@ -216,7 +216,7 @@ def test_a_step_of_descent_lowers_what_it_linearised(filmed):
 
 def test_where_costs_tell_little_each_frame_has_a_pose_that_faces_the_other_way(filmed, found):
     chosen = [0, 3]
-    search = eqx.tree_at(lambda s: s.enough, SEARCH.relative_to(4.0, 60.0), SEARCH.enough)
+    search = SEARCH.relative_to(4.0, 60.0)
     assert search.looks_both_ways
     both = solve_frames(make_model(BODY), search, *some((filmed.starts, filmed.fallback, filmed.observed), chosen))
     assert turned_rivals(both).any(1).all()
@@ -225,7 +225,9 @@ def test_where_costs_tell_little_each_frame_has_a_pose_that_faces_the_other_way(
 
 def test_a_search_looks_both_ways_only_where_poses_typically_cost_much():
     search = Search(vague=30.0)
-    assert search.relative_to(20.0, 31.0).looks_both_ways
+    vague = search.relative_to(20.0, 31.0)
+    assert vague.looks_both_ways
+    assert vague.enough == 0.0
     usual = search.relative_to(20.0, 29.0)
     assert (usual.vague, usual.doubtful) == (30.0, 30.0)
     assert 29.0 < usual.enough < 34.0
