@@ -21,7 +21,7 @@ _RENAMED = {"LevenbergMarquardt": "NormalEquationsLM"}
 _PACKAGE = "jaxskel."
 # Values that were fixed in every earlier version.
 _ALWAYS = {"graph": {"skeletoniser": {"class": "VoxelScooping"}}}
-_SEARCH = {"objective": "volume_objective", "vague": np.inf}
+_SEARCH = {"objective": "volume_objective", "enough": 0.0, "vague": np.inf}
 _SETTINGS: dict[str, Any] = {"template": None}
 # The default of a prior was written out where it is the template's now.
 _FIRMNESS = [1.0, 0.5, 3.0, 0.05, 0.1, 3.0, 0.05, 0.1, 0.2, 0.2, 0.2, 0.2, 0.0, 0.0, 0.0, 0.0]
