@@ -32,11 +32,11 @@ _DEAR = 1.05, 8.0
 # A frame is searched again if it costs this much more than the cheapest frames. An offset, not a factor: poor masks
 # raise the costs of some frames far more than of others, and then a high cost is no sign of a wrong pose.
 _DOUBTFUL = 10.0
+# Where the cheapest frames cost more than 40, because the subject wears or holds things, costs vary more.
+_DOUBTFUL_SHARE = 0.25
 # Arms are searched for again where a pose costs more than what is typical by this. In 384 frames of naked people and
 # 384 in clothes (crowd p00 to p07, seed 4), 86 and 53 % of the poses cost less; searching again moved a hand in one.
 _ENOUGH = 3.0
-# Where the cheapest frames cost more than 40, because the subject wears or holds things, costs vary more.
-_DOUBTFUL_SHARE = 0.25
 # The segments of the body without arms.
 _TRUNK = np.array([i for i, name in enumerate(SEGMENT_NAMES) if name[2:] not in _ARM_SEGMENTS], np.int32)
 # Poses per batch of the limb search. Larger batches need over 32 MB of temporary memory, which the system then
@@ -66,7 +66,7 @@ class Search(eqx.Module):
         steps: Steps of a fit with all limbs; only promising hypotheses take the second half of them.
         again: Largest number of times that each arm is removed and searched for again; stops when the cost no longer
             falls.
-        enough: A pose that costs no more than this is the one: its arms are not searched for again.
+        enough: Arms of a pose that costs no more than this are not searched for again; at zero, all are.
         doubtful: Above this cost the legs are searched for too, and then the search starts again from the fallback
             poses.
         vague: Above this cost a pose that faces the other way is searched for too: silhouettes may not tell. Rendered
@@ -100,8 +100,8 @@ class Search(eqx.Module):
     def relative_to(self, low: float, typical: float) -> "Search":
         """The same search for a recording whose cheapest frames cost `low`, and others `typical`.
 
-        Arms are searched for again only where a pose costs more than others. Where a pose typically costs more than
-        `vague`, they are in each frame, and so is a pose that faces the other way.
+        Arms are searched for again only where a pose costs more than is typical. Where a pose typically costs more than
+        `vague`, each frame is searched as far as before, and for a pose that faces the other way too.
         """
         doubtful = low + max(_DOUBTFUL, _DOUBTFUL_SHARE * low)
         # Where costs tell little, no pose is sure: of a real child, a film with fewer searches took front for back.

@@ -107,8 +107,7 @@ def test_arms_are_searched_for_again_only_where_a_pose_costs_more_than_enough(fi
         return solve_frames(make_model(BODY), search, filmed.starts, filmed.fallback, filmed.observed).cost[:, 0]
 
     never = costs(np.inf)
-    # Half of the frames: what they cost at first is not much more than at last.
-    enough = float(np.median(never))
+    enough = float(np.median(never))  # so that half of the frames are searched further
     some_of_them, always = costs(enough), found.cost[:, 0]
     cheap = never <= enough
     np.testing.assert_allclose(some_of_them[cheap], never[cheap], rtol=1e-3)
@@ -231,4 +230,4 @@ def test_a_search_looks_both_ways_only_where_poses_typically_cost_much():
     usual = search.relative_to(20.0, 29.0)
     assert (usual.vague, usual.doubtful) == (30.0, 30.0)
     assert 29.0 < usual.enough < 34.0
-    assert not search.relative_to(20.0, 31.0).without_rivals().looks_both_ways
+    assert not vague.without_rivals().looks_both_ways
