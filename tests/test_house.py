@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -28,6 +29,7 @@ def room_of(path: Path) -> str:
 MODULES = {name_of(path): path for path in FILES}
 
 
+@cache
 def tree_of(path: Path) -> ast.Module:
     """The code of a file; of a face whose names are imported at their first use, the stub that says from where."""
     stub = path.with_suffix(".pyi")

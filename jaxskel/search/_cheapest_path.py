@@ -1,13 +1,20 @@
 """Which of several tracks a film follows in each frame: the path that is cheapest over all frames."""
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ._facing import turned_round
 from ._track_state import Tracking
 
 # Two poses are the same if no joint differs by more than this (m).
 _SAME = 0.05
+
+
+def apart(
+    places: Float[np.ndarray, "*#poses joints 3"], others: Float[np.ndarray, "*#poses joints 3"]
+) -> Bool[np.ndarray, "*poses"]:
+    """Whether two poses differ, by their joints (m)."""
+    return np.linalg.norm(places - others, axis=-1).max(-1) > _SAME
 
 
 def jump_costs(
@@ -26,9 +33,8 @@ def jump_costs(
         other_left: The same of the second poses.
         tracking: Margins.
     """
-    apart = np.linalg.norm(places - others, axis=-1).max(-1) > _SAME
     margin = np.where(turned_round(left, other_left), tracking.turn_margin, tracking.margin)
-    return np.where(apart, margin, 0.0)
+    return np.where(apart(places, others), margin, 0.0)
 
 
 def cheapest_path(

@@ -50,9 +50,9 @@ def track_frames(
     """Estimate the poses of consecutive frames: of up to 32, or of one that arrives by itself.
 
     A full search runs at regular intervals, in frames that cost more than is usual for the subject, and in frames where
-    a joint moves suspiciously far. From the poses found, the track runs forwards and backwards. Where the two differ,
-    the path that is cheaper over all frames wins, so the sequence as a whole decides between left and right. A stack of
-    one frame has no way back.
+    a joint moves suspiciously far. From the poses found, the track runs forwards, and backwards if it does not meet all
+    of them. Where the two differ, the path that is cheaper over all frames wins, so the sequence as a whole decides
+    between left and right. A stack of one frame has no way back.
 
     Args:
         model: The subject.

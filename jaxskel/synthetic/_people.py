@@ -71,7 +71,7 @@ def _seen(view: View, bodies: list[tuple[np.ndarray, np.ndarray]]) -> Bool[np.nd
     masks = np.stack([render_view(view, ends, radii) for ends, radii in bodies])
     rows, columns = np.nonzero(masks.sum(0) > 1)
     if len(rows):
-        directions = view.directions[rows, columns]
+        directions = view.directions[:, rows, columns].T
         ways = np.stack([_ways(directions, ends - view.centre, radii) for ends, radii in bodies])
         nearest = np.argmin(np.where(masks[:, rows, columns], ways, np.inf), axis=0)
         masks[:, rows, columns] = np.arange(len(bodies))[:, None] == nearest

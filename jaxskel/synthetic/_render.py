@@ -16,14 +16,14 @@ class View(eqx.Module):
     Attributes:
         centre: Optical centre in the world (m).
         rotation: From world to camera.
-        directions: Unit viewing directions in the world; NaN where the lens sees nothing.
+        directions: Unit viewing directions in the world, by coordinate; NaN where the lens sees nothing.
         columns: Smallest and largest x / z in camera coordinates that each column of pixels sees.
         rows: Smallest and largest y / z in camera coordinates that each row of pixels sees.
     """
 
     centre: Float[np.ndarray, "3"]
     rotation: Float[np.ndarray, "3 3"]
-    directions: Float[np.ndarray, "h w 3"]
+    directions: Float[np.ndarray, "3 h w"]
     columns: Float[np.ndarray, "2 w"]
     rows: Float[np.ndarray, "2 h"]
 
@@ -41,7 +41,7 @@ def make_view(cameras: Cameras, index: int) -> View:
     return View(
         centre=cameras.centres[index],
         rotation=rotation,
-        directions=directions.reshape(height, width, 3).astype(np.float32),
+        directions=np.ascontiguousarray(directions.T, np.float32).reshape(3, height, width),
         columns=np.stack([least[..., 0].min(0), greatest[..., 0].max(0)]),
         rows=np.stack([least[..., 1].min(1), greatest[..., 1].max(1)]),
     )
@@ -60,14 +60,14 @@ def render_view(
     Returns:
         True where the ray of a pixel centre meets a capsule in front of the camera.
     """
-    mask = np.zeros(view.directions.shape[:2], bool)
+    mask = np.zeros(view.directions.shape[1:], bool)
     from_camera = ends - view.centre
     rectangles = _rectangles(view, from_camera, radii)
     for (top, bottom, left, right), (start, end), (radius, end_radius) in zip(
         rectangles.tolist(), from_camera, radii.tolist(), strict=True
     ):
         if top < bottom and left < right:
-            directions = view.directions[top:bottom, left:right]
+            directions = tuple(view.directions[:, top:bottom, left:right])
             mask[top:bottom, left:right] |= _meets(directions, start, end - start, radius, end_radius - radius)
     return mask
 
@@ -92,7 +92,7 @@ def render(
     masks = np.zeros((1, len(cameras), height, width), bool)
     for frame in range(len(ends)):
         for index, view in enumerate(views):
-            h, w = view.directions.shape[:2]
+            h, w = view.directions.shape[1:]
             masks[0, index, :h, :w] = render_view(view, ends[frame], radii)
         packed[frame] = pack_silhouettes(masks)[0]
         if on_frame is not None:
@@ -100,28 +100,36 @@ def render(
     return packed
 
 
-def _meets(directions: np.ndarray, start: np.ndarray, axis: np.ndarray, radius: float, growth: float) -> np.ndarray:
+def _meets(
+    directions: tuple[np.ndarray, ...], start: np.ndarray, axis: np.ndarray, radius: float, growth: float
+) -> np.ndarray:
     """Whether half lines from the origin meet a ball of radius ``radius + s growth`` at ``start + s axis``, s in 0..1.
 
     The squared distance of the axis point s to a line, minus the squared radius there, is the quadratic
     ``a s^2 + 2 b s + c``: the line meets the capsule if it is at most zero for some s. A half line ends at the camera,
     so only axis points ahead of the camera are considered; balls behind can meet the ray only if they contain the
     camera.
+
+    Args:
+        directions: Unit vectors along the lines, by coordinate.
+        start: Centre of the first ball (m).
+        axis: From there to the centre of the last one (m).
+        radius: Radius of the first ball (m).
+        growth: By how much that of the last one is larger (m).
     """
-    along = directions @ np.stack([start, axis], -1).astype(np.float32)
-    ahead, advance = along[..., 0], along[..., 1]
-    aa, ab, bb = float(axis @ axis), float(start @ axis), float(start @ start)
-    inside = _reaches_zero(
-        np.array([aa - growth**2]), np.array([ab - radius * growth]), np.array([bb - radius**2]), 0.0, 1.0
+    ahead, advance = (
+        sum(d * np.float32(v) for d, v in zip(directions, vector, strict=True)) for vector in (start, axis)
     )
-    if inside.any():
+    aa, ab, bb = float(axis @ axis), float(start @ axis), float(start @ start)
+    a, b, c = aa - growth**2, ab - radius * growth, bb - radius**2
+    if c <= 0 or a + 2 * b + c <= 0 or (0 < -b < a and b * b >= a * c):  # the camera is inside
         return ~np.isnan(ahead)
-    a = np.float32(aa - growth**2) - advance * advance
-    b = np.float32(ab - radius * growth) - ahead * advance
-    c = np.float32(bb - radius**2) - ahead * ahead
+    a = np.float32(a) - advance * advance
+    b = np.float32(b) - ahead * advance
+    c = np.float32(c) - ahead * ahead
     first, last = ahead, ahead + advance
     if np.fmin(first, last).min(initial=1.0) > 0.0:
-        return _reaches_zero(a, b, c, 0.0, 1.0)
+        return _reaches_zero(a, b, c, np.float32(0.0), np.float32(1.0))
     crossing = -ahead / np.where(advance == 0.0, np.float32(1.0), advance)
     from_s = np.where(first < 0.0, np.where(last < 0.0, np.inf, crossing), 0.0)
     to_s = np.where(last < 0.0, np.where(first < 0.0, -np.inf, crossing), 1.0)
@@ -130,9 +138,12 @@ def _meets(directions: np.ndarray, start: np.ndarray, axis: np.ndarray, radius: 
 
 
 def _reaches_zero(
-    a: np.ndarray, b: np.ndarray, c: np.ndarray, low: np.ndarray | float, high: np.ndarray | float
+    a: np.ndarray, b: np.ndarray, c: np.ndarray, low: np.ndarray | np.float32, high: np.ndarray | np.float32
 ) -> np.ndarray:
-    """Whether ``a s^2 + 2 b s + c <= 0`` for some s from `low` to `high`, tested at both ends and at the minimum."""
+    """Whether ``a s^2 + 2 b s + c <= 0`` for some s from `low` to `high`: at the minimum, or at an end."""
+    if a.min(initial=1.0) > 0.0:
+        s = np.clip(-b / a, low, high)
+        return (a * s + 2 * b) * s + c <= 0
     at_ends = ((a * low + 2 * b) * low + c <= 0) | ((a * high + 2 * b) * high + c <= 0)
     return at_ends | ((a > 0) & (-b > low * a) & (-b < high * a) & (b * b >= a * c))
 

@@ -12,6 +12,7 @@ from rich.console import Console
 from support.command_line import by_itself, jaxskel
 from support.people import film_person, other_person
 from support.poses import moving
+from support.scenes import frames_of_scene
 
 from jaxskel import JOINT_NAMES, Settings, paper_settings
 from jaxskel.cli._demo import _speed
@@ -27,7 +28,7 @@ from jaxskel.synthetic import make_scene
 def folder(tmp_path_factory) -> Path:
     """A sequence file of raised hands with one empty frame."""
     folder = tmp_path_factory.mktemp("cli")
-    scene = make_scene(21)[15:]
+    scene = frames_of_scene(21, slice(15, None))
     scene.silhouettes[4] = 0
     write_recording(folder / "scene.npz", scene)
     return folder

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from support.command_line import jaxskel
 from support.recordings import with_masks
+from support.scenes import frames_of_scene
 
 from jaxskel import Status, unpack_silhouettes
 from jaxskel.cameras import compare_rigs
@@ -18,7 +19,7 @@ from jaxskel.synthetic import camera_ring, make_scene
 
 @pytest.fixture(scope="module")
 def scene():
-    return make_scene(24)[::8]
+    return frames_of_scene(24, slice(None, None, 8))
 
 
 @pytest.fixture

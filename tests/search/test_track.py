@@ -1,6 +1,7 @@
 """Tracking: the track holds, and it recovers from wrong poses."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,10 +9,12 @@ from scipy.spatial.transform import Rotation
 from support.capsule_films import ADULT, BODY, Filmed, film_body, joints_of, some
 
 from jaxskel import Pose
+from jaxskel._runtime.batching import on_device
 from jaxskel.body import SEGMENT_NAMES
 from jaxskel.search import Hypotheses, Proposed, Search, Track, Tracking, make_model, track_frames
-from jaxskel.search._best_track import _jumps
+from jaxskel.search._best_track import _jumps, best_track
 from jaxskel.search._cheapest_path import cheapest_path, costs_through, jump_costs
+from jaxskel.search._hypotheses import pool_of
 from jaxskel.synthetic import demo_motion
 
 FPS, FRAMES = 24.0, 20
@@ -32,7 +35,7 @@ def follow(filmed: Filmed, frames: slice, track: Track | None) -> tuple[np.ndarr
         lambda chosen: Proposed(some(starts, chosen), 0.5 + 0.01 * chosen), fallback, observed,
     )  # fmt: skip
     assert track.sides == sides[-1]
-    assert np.isfinite(found.cost).all()
+    assert np.isfinite(found.cost[:, 0]).all()
     return np.linalg.norm(joints_of(found.best) - filmed.joints[frames], axis=-1).max(-1), track
 
 
@@ -88,6 +91,28 @@ def test_a_body_facing_backwards_is_turned_within_half_a_second(filmed):
     wrong = Pose(np.asarray(right.root), back @ np.asarray(right.rotations))
     error, _ = follow(filmed, slice(1, FRAMES), on_track(filmed, 0, wrong))
     assert error[int(FPS / 2) - 1 :].max() < 0.08
+
+
+def test_a_track_is_followed_backwards_only_where_it_does_not_meet_what_is_offered(filmed):
+    truth, count = some(filmed.truth, slice(1, 7)), 6
+    right = np.linalg.norm(joints_of(truth) - filmed.joints[1:7], axis=-1).max()
+    assert right < 1e-3
+    moved = Pose(np.asarray(truth.root) + np.array([0.0, 0.0, 0.3]), truth.rotations)
+    stack, last = on_device(some(filmed.observed, slice(1, 7))), some(filmed.truth, 0)
+    track = Track(last, last, 0, np.full(30, 3.0))
+
+    def found(poses: Pose) -> Hypotheses:
+        offered = pool_of(Pose(np.asarray(poses.root)[:, None], np.asarray(poses.rotations)[:, None]), np.arange(count))
+        # Nothing is offered in the other frames; what is offered costs too much to be taken.
+        cost = np.where(np.arange(count) == 3, np.float32(1e6), np.float32(np.inf))
+        return best_track(make_model(BODY), Tracking(), track, replace(offered, cost=cost), stack)
+
+    once, twice = found(truth), found(moved)
+    assert np.isinf(once.cost[:, 1]).all()
+    np.testing.assert_array_equal(once.poses.root[:, 1], once.best.root)
+    assert np.isfinite(twice.cost).all()
+    for each in (once, twice):
+        assert np.linalg.norm(joints_of(each.best) - filmed.joints[1:7], axis=-1).max() < 0.08
 
 
 @pytest.mark.parametrize("seed", range(6))

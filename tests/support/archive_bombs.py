@@ -5,6 +5,7 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -125,9 +126,9 @@ def with_palette(side: int) -> bytes:
     return whole[:8] + _chunk(b"IHDR", header) + _chunk(b"PLTE", bytes(6)) + whole[33:]
 
 
-def _pictures(suffix: str, content: bytes) -> Callable[[Path], Path]:
+def _pictures(suffix: str, content: Callable[[], bytes]) -> Callable[[Path], Path]:
     def write(folder: Path) -> Path:
-        (folder / f"0{suffix}").write_bytes(content)
+        (folder / f"0{suffix}").write_bytes(content())
         return folder
 
     return write
@@ -215,19 +216,19 @@ BOMBS: dict[str, tuple[str, Callable[[Path], Path]]] = {
     "masks that claim frames": ("archive", _claiming("archive", "left", (MANY, 30, 40), "|b1")),
     "npy that claims cameras": ("projections .npy", _text("P.npy", _npy((MANY, 3, 4)))),
     "images numbered far apart": ("folders", _numbered_far),
-    "png that claims pixels": ("png", _pictures(".png", png(SIDE))),
-    "png that claims bytes": ("png", _pictures(".png", png(16, 2**31 - 1))),
+    "png that claims pixels": ("png", _pictures(".png", partial(png, SIDE))),
+    "png that claims bytes": ("png", _pictures(".png", partial(png, 16, 2**31 - 1))),
     "still plate that claims pixels": ("plate", _still),
-    "bmp that claims pixels": ("bmp", _pictures(".bmp", bmp(SIDE))),
-    "jpeg that claims pixels": ("jpeg", _pictures(".jpg", jpeg(SIDE))),
-    "tiff that claims pixels": ("tiff", _pictures(".tif", tiff(SIDE))),
-    "tiff that claims a tile": ("tiff", _pictures(".tif", tiff(16, 1 << 15))),
-    "png with a palette that claims pixels": ("png", _pictures(".png", with_palette(SIDE))),
-    "webp that claims pixels": ("png", _pictures(".webp", webp(16_000))),
-    "gif that claims a screen": ("png", _pictures(".gif", gif(SIDE))),
-    "gif that claims a frame": ("png", _pictures(".gif", large_frame(SIDE))),
-    "pbm that claims pixels": ("png", _pictures(".pbm", b"P4 20000 20000\n" + bytes(900))),
-    "pgm of text that claims pixels": ("png", _pictures(".pgm", b"P2\n# a\n20000\n20000 255\n" + b"0 " * 900)),
+    "bmp that claims pixels": ("bmp", _pictures(".bmp", partial(bmp, SIDE))),
+    "jpeg that claims pixels": ("jpeg", _pictures(".jpg", partial(jpeg, SIDE))),
+    "tiff that claims pixels": ("tiff", _pictures(".tif", partial(tiff, SIDE))),
+    "tiff that claims a tile": ("tiff", _pictures(".tif", partial(tiff, 16, 1 << 15))),
+    "png with a palette that claims pixels": ("png", _pictures(".png", partial(with_palette, SIDE))),
+    "webp that claims pixels": ("png", _pictures(".webp", partial(webp, 16_000))),
+    "gif that claims a screen": ("png", _pictures(".gif", partial(gif, SIDE))),
+    "gif that claims a frame": ("png", _pictures(".gif", partial(large_frame, SIDE))),
+    "pbm that claims pixels": ("png", _pictures(".pbm", lambda: b"P4 20000 20000\n" + bytes(900))),
+    "pgm of text that claims pixels": ("png", _pictures(".pgm", lambda: b"P2\n# a\n20000\n20000 255\n" + b"0 " * 900)),
     "png as a board": ("film of a board", _text("0.png", png(SIDE))),
     "avi that claims pixels": ("avi", _large_film("FFV1")),
     "mp4 that claims frames": ("mp4", _fragments),

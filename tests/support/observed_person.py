@@ -1,5 +1,7 @@
 """A person with volume, seen by a ring of cameras: silhouettes, hull and ideal graph of any pose. Tests share it."""
 
+from functools import cache
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -24,12 +26,13 @@ HINGED = HingedLimbs()
 UNKNOWNS = 42
 
 
+@cache
 def standing() -> Pose:
     """A relaxed pose with slightly bent knees and elbows, because fully straight ones are beyond the limits."""
     flexions = np.zeros(UNKNOWNS, np.float32)
     flexions[[17, 23, 27, 31]] = 0.1  # see test_parametrisations
     rest = Pose(np.zeros(3, np.float32), np.tile(np.eye(3, dtype=np.float32), (17, 1, 1)))
-    return jax.tree.map(np.asarray, HINGED.retract(jnp.asarray(flexions), rest, ADULT))
+    return jax.tree.map(np.asarray, jax.jit(HINGED.retract)(jnp.asarray(flexions), rest, ADULT))
 
 
 def turned(segment: str, axis: str, degrees: float) -> Pose:

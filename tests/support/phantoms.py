@@ -65,9 +65,9 @@ def film(cameras: Cameras, bodies: list[np.ndarray]) -> np.ndarray:
         directions = rays(cameras, c, np.stack([u.ravel(), v.ravel()], -1).astype(float))
         for f, balls in enumerate(bodies):
             towards = balls[:, :3] - centre
-            along = directions @ towards.T
-            apart = (towards**2).sum(-1) - along**2  # squared distance of the ray from the ball's centre
-            masks[f, c] = ((apart < balls[:, 3] ** 2) & (along > 0)).any(-1).reshape(height, width)
+            # The ray's squared distance from a ball's centre is that of the camera less the square of the way along it.
+            tangent = np.sqrt((towards**2).sum(-1) - balls[:, 3] ** 2)
+            masks[f, c] = (directions @ towards.T > tangent).any(-1).reshape(height, width)
     return np.packbits(masks, -1)
 
 

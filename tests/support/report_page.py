@@ -4,27 +4,29 @@ import base64
 import json
 import re
 from dataclasses import replace
+from functools import cache
 
 import equinox as eqx
 import numpy as np
 
 from jaxskel import Poses, Recording, default_adult
 from jaxskel.poses import Status
-from jaxskel.synthetic import make_scene
 from support.phantoms import ring
+from support.scenes import frames_of_scene
 
 FRAMES = 12
 LOST = 4
 """The frame without a pose."""
 
 
+@cache
 def filmed() -> Recording:
     """Four views, the first through a lens that bends lines, in frames numbered from 100; poses differ widely."""
     cameras = ring(4, size=(200, 160), focal=120.0)
     dist = np.zeros((4, 8))
     dist[0, :4] = -0.5, 0.1, 0.01, -0.01
     cameras = eqx.tree_at(lambda c: c.dist, cameras, dist)
-    scene = make_scene(5 * FRAMES, cameras=cameras)[::5]
+    scene = frames_of_scene(5 * FRAMES, slice(None, None, 5), cameras=cameras)
     return eqx.tree_at(lambda r: r.frame_index, scene, np.arange(FRAMES) + 100)
 
 

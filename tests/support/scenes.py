@@ -1,0 +1,14 @@
+"""Some frames of the package's own scene: only these are drawn."""
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from jaxskel import Recording, default_adult
+from jaxskel.synthetic import demo_motion, make_scene
+
+
+def frames_of_scene(frames: int, kept: slice, **options) -> Recording:
+    """The same as ``make_scene(frames, **options)[kept]``, in less time."""
+    motion = jax.tree.map(lambda a: np.asarray(a)[kept], demo_motion(default_adult(), frames))
+    return eqx.tree_at(lambda r: r.frame_index, make_scene(motion=motion, **options), np.arange(frames)[kept])
