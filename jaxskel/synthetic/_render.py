@@ -67,7 +67,7 @@ def render_view(
         rectangles.tolist(), from_camera, radii.tolist(), strict=True
     ):
         if top < bottom and left < right:
-            directions = tuple(view.directions[:, top:bottom, left:right])
+            directions = view.directions[:, top:bottom, left:right]
             mask[top:bottom, left:right] |= _meets(directions, start, end - start, radius, end_radius - radius)
     return mask
 
@@ -100,9 +100,7 @@ def render(
     return packed
 
 
-def _meets(
-    directions: tuple[np.ndarray, ...], start: np.ndarray, axis: np.ndarray, radius: float, growth: float
-) -> np.ndarray:
+def _meets(directions: np.ndarray, start: np.ndarray, axis: np.ndarray, radius: float, growth: float) -> np.ndarray:
     """Whether half lines from the origin meet a ball of radius ``radius + s growth`` at ``start + s axis``, s in 0..1.
 
     The squared distance of the axis point s to a line, minus the squared radius there, is the quadratic
@@ -111,15 +109,14 @@ def _meets(
     camera.
 
     Args:
-        directions: Unit vectors along the lines, by coordinate.
+        directions: Unit vectors along the lines, with a leading axis of coordinates.
         start: Centre of the first ball (m).
         axis: From there to the centre of the last one (m).
         radius: Radius of the first ball (m).
         growth: By how much that of the last one is larger (m).
     """
-    ahead, advance = (
-        sum(d * np.float32(v) for d, v in zip(directions, vector, strict=True)) for vector in (start, axis)
-    )
+    x, y, z = directions
+    ahead, advance = (x * a + y * b + z * c for a, b, c in np.stack([start, axis]).astype(np.float32))
     aa, ab, bb = float(axis @ axis), float(start @ axis), float(start @ start)
     a, b, c = aa - growth**2, ab - radius * growth, bb - radius**2
     if c <= 0 or a + 2 * b + c <= 0 or (0 < -b < a and b * b >= a * c):  # the camera is inside
