@@ -42,7 +42,7 @@ def at_rest(body) -> np.ndarray:
 def distances(points: np.ndarray) -> np.ndarray:
     """Distances of points to the body at rest (m)."""
     ends, radii = at_rest(BODY)[LINKS], BODY.radii[LINKS]
-    return np.asarray(all_distances(*(jnp.asarray(a, jnp.float32) for a in (points, ends, radii)))).min(1)
+    return np.asarray(jax.jit(all_distances)(*(jnp.asarray(a, jnp.float32) for a in (points, ends, radii)))).min(1)
 
 
 def test_the_table_of_links():

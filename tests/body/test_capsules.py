@@ -15,7 +15,7 @@ def graze(centres, directions, ends, radii):
     """`nearest_to_rays` for NumPy arrays of any precision, directions of any length."""
     directions = np.asarray(directions, float)
     directions = directions / np.linalg.norm(directions, axis=-1, keepdims=True)
-    return nearest_to_rays(*(jnp.asarray(a, float) for a in (centres, directions, ends, radii)))
+    return jax.jit(nearest_to_rays)(*(jnp.asarray(a, float) for a in (centres, directions, ends, radii)))
 
 
 def random_rays(rng, count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -129,6 +129,7 @@ def test_gradient_is_the_finite_difference(lens):
 
     with jax.enable_x64(True):
 
+        @jax.jit
         def image(K, R, t, x):
             moved = eqx.tree_at(lambda c: (c.K, c.R, c.t), cameras, (K, R, t))
             u, v, _ = project(moved, x)

@@ -78,8 +78,11 @@ def at_an_edge() -> np.ndarray:
 def test_occupancy_is_the_product_of_sigmoids_of_the_views_that_see():
     distances, points = seen(empty_views=[1]), around(300)
     points[0] = [3.8, 0.3, 1.2]  # behind the first camera or beside the view of others
-    each = np.asarray(distances.at(jnp.asarray(points, jnp.float32)), float)
-    known = np.asarray(distances.seen_at(jnp.asarray(points, jnp.float32))[0]) & (np.arange(8) != 1)[:, None]
+    each = np.asarray(eqx.filter_jit(distances.at)(jnp.asarray(points, jnp.float32)), float)
+    known = (
+        np.asarray(eqx.filter_jit(distances.seen_at)(jnp.asarray(points, jnp.float32))[0])
+        & (np.arange(8) != 1)[:, None]
+    )
     assert 0 < known[[0, 2, 3, 4, 5]].mean() < 1
     factors = np.where(known, 1 / (1 + np.exp(each / T)), 1.0)
     np.testing.assert_allclose(soft(distances, points, T, 0, 1), factors.prod(0), rtol=1e-4, atol=1e-7)
@@ -87,8 +90,8 @@ def test_occupancy_is_the_product_of_sigmoids_of_the_views_that_see():
 
 def test_votes_are_the_probability_of_so_many_misses():
     distances, points = seen(), around(100)
-    each, p = np.asarray(distances.at(jnp.asarray(points, jnp.float32)), float), 0.0
-    known = np.asarray(distances.seen_at(jnp.asarray(points, jnp.float32))[0])
+    each, p = np.asarray(eqx.filter_jit(distances.at)(jnp.asarray(points, jnp.float32)), float), 0.0
+    known = np.asarray(eqx.filter_jit(distances.seen_at)(jnp.asarray(points, jnp.float32))[0])
     hit = np.where(known, 1 / (1 + np.exp(each / T)), 1.0)[:6]  # the others are blind
     for misses in np.ndindex(*[2] * 6):
         if sum(misses) <= 2:

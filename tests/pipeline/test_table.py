@@ -89,7 +89,7 @@ def truth_of(name: str) -> Pose:
 
 def arms_of(pose: Pose) -> ArmPrior:
     """A prior of the arms of one pose."""
-    return arm_prior(np.asarray(arm_directions(place(ADULT, pose).joints)), np.ones(2))
+    return arm_prior(np.asarray(jax.jit(lambda pose: arm_directions(place(ADULT, pose).joints))(pose)), np.ones(2))
 
 
 RAISED, BENT = turned("l_upper_arm", "x", 40), turned("l_shank", "y", -60)

@@ -1,5 +1,6 @@
 """The prior of arms: a density over directions, alike for both sides, and what it costs in clothes."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -29,7 +30,12 @@ def anywhere(count: int) -> np.ndarray:
 
 
 def costs(prior, pose) -> np.ndarray:
-    return np.asarray(prior.residual(place(ADULT, pose), NOTHING, None)) ** 2
+    return np.asarray(residual(prior, pose)) ** 2
+
+
+@eqx.filter_jit
+def residual(prior, pose):
+    return prior.residual(place(ADULT, pose), NOTHING, None)
 
 
 def cost_of(directions: np.ndarray) -> np.ndarray:

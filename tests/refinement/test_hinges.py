@@ -1,7 +1,6 @@
 """Elbows and knees bend one way, and only so far: the limits, computed by hand."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -26,7 +25,12 @@ def bent(**angles) -> np.ndarray:
     unknowns = np.zeros(42)
     for name, unknown in UNKNOWN_OF_HINGE.items():
         unknowns[unknown] = angles.get(name, 0.5)
-    return np.asarray(LIMITS.residual(place(ADULT, HINGED.retract(jnp.asarray(unknowns), REST, ADULT)), GRAPH, None))
+    return np.asarray(residual_of(unknowns))
+
+
+@jax.jit
+def residual_of(unknowns):
+    return LIMITS.residual(place(ADULT, HINGED.retract(unknowns, REST, ADULT)), GRAPH, None)
 
 
 @pytest.mark.parametrize("hinge", UNKNOWN_OF_HINGE)

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import jaxtyping
@@ -36,6 +37,7 @@ def with_keypoints(array, **others):
     return observe(standing()).with_data(keypoints=array, **others)
 
 
+@eqx.filter_jit
 def rows_of(term, body, observed):
     return term.residual(body, observed, term.correspond(body, observed))
 

@@ -52,6 +52,7 @@ def test_terms_vanish_at_the_truth_only(name):
     term, truth, shape = TERMS[name]
     observed = ideal_graph(ADULT, truth)
 
+    @jax.jit
     def residual(pose):
         body = place(ADULT, pose)
         return term.residual(body, observed, term.correspond(body, observed))

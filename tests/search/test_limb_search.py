@@ -1,5 +1,6 @@
 """The tables of limb poses, and the choice among poses that were scored."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -160,7 +161,7 @@ def test_unexplained_rays_are_those_off_the_rest_of_the_body():
     rays = Contours(*given)
     observed = Observed(np.zeros((5, 9, 3)), np.ones(5, bool), np.zeros((2, 3)), contours=rays)
     objective = volume_objective(body)
-    found, costs = unexplained(body, pose, objective, observed, without("l_arm", "r_leg"))
+    found, costs = eqx.filter_jit(unexplained)(body, pose, objective, observed, without("l_arm", "r_leg"))
 
     rest = ~limb_capsules("l_arm", "r_leg")
     capsules = ends[rest], np.asarray(body.radii, np.float32)[body.links][rest]
