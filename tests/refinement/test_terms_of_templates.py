@@ -75,10 +75,8 @@ def test_free_joints_hold_the_lengths_of_bones_and_rigid_segments(name):
 @pytest.mark.parametrize("name", BUILT_IN)
 def test_terms_are_zero_at_rest(name):
     skeleton = built_in(name)
-    pose, terms = (
-        jax.tree.map(lambda a: np.float32(a[0]), still(skeleton)),
-        (RestPrior(), Symmetry(), HingeLimits(skeleton)),
-    )
+    pose = jax.tree.map(lambda a: np.float32(a[0]), still(skeleton))
+    terms = RestPrior(), Symmetry(), HingeLimits(skeleton)
 
     @jax.jit
     def residuals(pose):
