@@ -55,13 +55,14 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 # Files that take longest: begun last, one of them would keep a single process busy at the end. Those that load what
 # `test_pipeline.py` compiles come when it has done so.
 LONGEST = (
-    "test_real_recordings.py", "test_from_pose2sim.py", "test_pipeline.py", "test_solve.py", "test_refine.py",
-    "test_robust.py", "test_slurm.py", "test_stream.py", "test_table.py", "test_sequence.py", "test_readme.py",
-    "test_cli.py", "test_batch.py", "test_own_data.py", "test_track.py", "test_fisheye_pipeline.py",
-    "test_refine_cameras.py", "test_shared.py", "test_fuzz.py", "test_calibrate_body.py", "test_found_subject.py",
-    "test_search_objective.py", "test_coupled_batches.py", "test_benchmark_scripts.py", "test_run_volumes.py",
-    "test_statuses.py", "test_cli_recordings.py", "test_gradients.py", "test_run_objective.py", "test_run_template.py",
-    "test_bundle.py", "test_volume.py", "test_soft_carve.py", "test_learn.py", "test_stored.py", "test_warm_up.py",
+    "test_real_recordings.py", "test_from_pose2sim.py", "test_pipeline.py", "test_refine.py", "test_robust.py",
+    "test_soft_carve.py", "test_placement.py", "test_terms_of_templates.py", "test_slurm.py", "test_stream.py",
+    "test_table.py", "test_sequence.py", "test_solve.py", "test_readme.py", "test_cli.py", "test_batch.py",
+    "test_own_data.py", "test_track.py", "test_fisheye_pipeline.py", "test_refine_cameras.py", "test_shared.py",
+    "test_fuzz.py", "test_calibrate_body.py", "test_found_subject.py", "test_search_objective.py",
+    "test_coupled_batches.py", "test_benchmark_scripts.py", "test_run_volumes.py", "test_statuses.py",
+    "test_cli_recordings.py", "test_gradients.py", "test_run_objective.py", "test_run_template.py", "test_bundle.py",
+    "test_volume.py", "test_learn.py", "test_stored.py", "test_warm_up.py",
 )  # fmt: skip
 
 
