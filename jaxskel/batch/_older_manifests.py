@@ -22,6 +22,7 @@ _PACKAGE = "jaxskel."
 # Values that were fixed in every earlier version.
 _ALWAYS = {"graph": {"skeletoniser": {"class": "VoxelScooping"}}}
 _SEARCH = {"objective": "volume_objective", "enough": 0.0, "vague": np.inf}
+_DOUBTFUL = 45.0
 _SETTINGS: dict[str, Any] = {"template": None}
 # The default of a prior was written out where it is the template's now.
 _FIRMNESS = [1.0, 0.5, 3.0, 0.05, 0.1, 3.0, 0.05, 0.1, 0.2, 0.2, 0.2, 0.2, 0.0, 0.0, 0.0, 0.0]
@@ -35,7 +36,7 @@ def modern_method(method: Mapping[str, Any]) -> dict[str, Any]:
         return found
     settings = _SETTINGS | (_grouped(settings) if "spacing" in settings else settings)
     if isinstance(settings.get("search"), dict):
-        settings["search"] = _SEARCH | settings["search"]
+        settings["search"] = _search(settings["search"])
     tracking = settings.get("tracking")
     if isinstance(tracking, dict) and "margin" in tracking:  # a turn had no margin of its own
         settings["tracking"] = {"turn_margin": tracking["margin"]} | tracking
@@ -70,6 +71,12 @@ def _without_places(value: Any) -> Any:
         name = value.rpartition(".")[2]
         return _RENAMED.get(name, name)
     return value
+
+
+def _search(search: dict[str, Any]) -> dict[str, Any]:
+    # The default of `doubtful` was written out, and made way for what poses of the subject cost.
+    made_way = {"doubtful": None} if "enough" not in search and search.get("doubtful") == _DOUBTFUL else {}
+    return _SEARCH | search | made_way
 
 
 def _is_the_default(firmness: Any) -> bool:

@@ -170,7 +170,7 @@ def _with_priors(subject: Subject, given: Given) -> Subject:
 def _without_additions(
     given: Given, shape: Shape, found: Hypotheses, sizes: tuple[float, ...], on_stage: Callable[[str], None]
 ) -> Subject:
-    if np.median(found.cost[given.tried, 0]) <= given.search.doubtful:
+    if np.median(found.cost[given.tried, 0]) <= given.search.doubtful_cost:
         return _settled(given, shape, found, on_stage)
     return _of_other_sizes_and_clothes(given, shape, found, sizes, on_stage)
 

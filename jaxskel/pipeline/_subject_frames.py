@@ -80,7 +80,7 @@ class Given(NamedTuple):
         model = make_model(measured_body(self.template, shape), self.search.objective, NO_PRIOR)
         every, count = np.arange(len(found.cost)), found.cost.shape[1]
         fitted = fit_pool(model.body, model.objective, found.pool(every), self.stack, FINE).rows(every, count)
-        doubtful = np.flatnonzero(fitted.cost[:, 0] > self.search.doubtful)
+        doubtful = np.flatnonzero(fitted.cost[:, 0] > self.search.doubtful_cost)
         if len(doubtful) == 0:
             return fitted
         again = self.poses_of(shape, doubtful)

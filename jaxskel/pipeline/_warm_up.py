@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
-import equinox as eqx
 import numpy as np
 
 from .._runtime.kinds import check_kind
@@ -51,7 +50,7 @@ def _streams(rig: Cameras, settings: Settings, subject: Body | Skeleton | None, 
     yield Stream(rig, settings, subject)
     if settings.search is None:
         return
-    doubtful = eqx.tree_at(lambda s: s.search.doubtful, settings, -np.inf)
+    doubtful = replace(settings, search=replace(settings.search, doubtful=-np.inf))
     yield Stream(rig, doubtful, body)
     if settings.hull.max_misses is None and most_misses(len(rig)):
         yield Stream(rig, replace(settings, hull=replace(settings.hull, max_misses=1)), body)

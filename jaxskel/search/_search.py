@@ -4,6 +4,7 @@ All hypotheses of all frames take the same number of steps, so that they can be 
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import equinox as eqx
@@ -37,6 +38,8 @@ _DOUBTFUL_SHARE = 0.25
 # Arms are searched for again where a pose costs more than what is typical by this. In 384 frames of naked people and
 # 384 in clothes (crowd p00 to p07, seed 4), 86 and 53 % of the poses cost less; searching again moved a hand in one.
 _ENOUGH = 3.0
+# A frame is searched again if it costs more than this, where it is not known what poses of the subject cost.
+_DOUBTFUL_IF_UNKNOWN = 45.0
 # The segments of the body without arms.
 _TRUNK = np.array([i for i, name in enumerate(SEGMENT_NAMES) if name[2:] not in _ARM_SEGMENTS], np.int32)
 # Poses per batch of the limb search. Larger batches need over 32 MB of temporary memory, which the system then
@@ -66,9 +69,11 @@ class Search(eqx.Module):
         steps: Steps of a fit with all limbs; only promising hypotheses take the second half of them.
         again: Largest number of times that each arm is removed and searched for again; stops when the cost no longer
             falls.
-        enough: Arms of a pose that costs no more than this are not searched for again; at zero, all are.
+        enough: Arms of a pose that costs no more than this are not searched for again; at zero, all are. If None, it is
+            3 more than poses of the subject typically cost, and zero while that is not known.
         doubtful: Above this cost the legs are searched for too, and then the search starts again from the fallback
-            poses.
+            poses. If None, it is 10 more than the cheapest frames cost (a quarter more, if that is more), and 45 while
+            that is not known.
         vague: Above this cost a pose that faces the other way is searched for too: silhouettes may not tell. Rendered
             people in clothes typically cost up to 24, a real child in wide clothes, who was turned round, 56.
     """
@@ -84,8 +89,8 @@ class Search(eqx.Module):
     singles: int = eqx.field(static=True, default=4)
     steps: int = 8
     again: int = 2
-    enough: float = 0.0
-    doubtful: float = 45.0
+    enough: float | None = None
+    doubtful: float | None = None
     vague: float = 35.0
 
     def __check_init__(self):
@@ -94,19 +99,37 @@ class Search(eqx.Module):
         for name in ("rough_steps", "starts", "leg_steps", "trunks", "pairs", "singles", "steps"):
             check_count(name, getattr(self, name))
         check_count("again", self.again, 0)
-        for name in ("trunk_margin", "margin", "enough", "vague"):
+        for name in ("trunk_margin", "margin", "vague"):
             check_number(name, getattr(self, name), 0.0, np.inf, "a cost, zero or more")
+        for name, least in (("enough", 0.0), ("doubtful", -np.inf)):
+            if getattr(self, name) is not None:
+                check_number(name, getattr(self, name), least, np.inf, "a cost, or None")
 
     def relative_to(self, low: float, typical: float) -> "Search":
         """The same search for a recording whose cheapest frames cost `low`, and others `typical`.
 
-        Arms are searched for again only where a pose costs more than is typical. Where a pose typically costs more than
-        `vague`, each frame is searched as far as before, and for a pose that faces the other way too.
+        What was given stays. Else arms are searched for again only where a pose costs more than is typical. Where a
+        pose typically costs more than `vague`, each frame is searched as far as before, and for a pose that faces the
+        other way too.
         """
-        doubtful = low + max(_DOUBTFUL, _DOUBTFUL_SHARE * low)
+        vague = typical > self.vague
+        enough, doubtful = self.enough, self.doubtful
+        if doubtful is None:
+            doubtful = low + max(_DOUBTFUL, _DOUBTFUL_SHARE * low)
         # Where costs tell little, no pose is sure: of a real child, a film with fewer searches took front for back.
-        enough, vague = (self.enough, 0.0) if typical > self.vague else (typical + _ENOUGH, self.vague)
-        return eqx.tree_at(lambda s: (s.enough, s.doubtful, s.vague), self, (enough, doubtful, vague))
+        if enough is None and not vague:
+            enough = typical + _ENOUGH
+        return replace(self, enough=enough, doubtful=doubtful, vague=0.0 if vague else self.vague)
+
+    @property
+    def enough_cost(self) -> float:
+        """`enough`; zero if that is None."""
+        return 0.0 if self.enough is None else self.enough
+
+    @property
+    def doubtful_cost(self) -> float:
+        """`doubtful`; 45 if that is None."""
+        return _DOUBTFUL_IF_UNKNOWN if self.doubtful is None else self.doubtful
 
     @property
     def looks_both_ways(self) -> bool:
@@ -115,13 +138,13 @@ class Search(eqx.Module):
 
     def without_rivals(self) -> "Search":
         """The same search without poses that face the other way than the best."""
-        return eqx.tree_at(lambda s: s.vague, self, np.inf)
+        return replace(self, vague=np.inf)
 
 
 def cost_threshold(typical: float | None) -> float:
-    """Cost that few frames of a recording exceed (1.05 x typical + 8); `Search.doubtful` if `typical` is unknown."""
+    """Cost that few frames of a recording exceed (1.05 x typical + 8); 45 if `typical` is unknown."""
     if typical is None:
-        return Search().doubtful
+        return _DOUBTFUL_IF_UNKNOWN
     return _DEAR[0] * typical + _DEAR[1]
 
 
@@ -177,7 +200,7 @@ def solving(
     found = yield from searched(starts, frames, wide=False)
     for more in (lambda frames: take(fallback, frames), around):
         best = found.cheapest(1)
-        doubtful = best.frame[best.cost > search.doubtful]
+        doubtful = best.frame[best.cost > search.doubtful_cost]
         if len(doubtful):
             others = yield from searched(more(doubtful), doubtful, wide=True)
             found = found.joined(others).distinct(most)
@@ -211,12 +234,12 @@ def _searched(model: Model, search: Search, starts: Pool, stack: Observed, wide:
 
     found = yield from settled((yield from _first_found(model, search, starts, stack, wide)))
     best = found.cheapest(1)
-    frames = every = best.frame[best.cost > search.enough]
+    frames = every = best.frame[best.cost > search.enough_cost]
     done, found = take(found, ~np.isin(found.frame, every)), found.of(every)
     for turn in range(search.again):
         before = found.cheapest(1).cost
         if turn == 1:
-            doubtful = every[before > search.doubtful]
+            doubtful = every[before > search.doubtful_cost]
             found = yield from again(found, doubtful, _pairs_of(_LEGS, model, search, stack))
         for limb in ARMS:
             found = yield from again(found, frames, partial(single, limb))

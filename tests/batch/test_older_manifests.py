@@ -41,10 +41,10 @@ FLAT = {
 
 
 def test_flat_settings_are_those_of_today():
-    # That version looked correspondences up twice, a turn had no margin of its own, its search no prior of arms, and no
-    # rival that faces the other way.
+    # That version looked correspondences up twice, a turn had no margin of its own, its search no prior of arms, no
+    # rival that faces the other way, and went on in all frames.
     tracking, refinement = Tracking(turn_margin=2.0), RefinementSettings(rounds=2)
-    search = Search(objective=volume_objective, vague=np.inf)
+    search = Search(objective=volume_objective, vague=np.inf, enough=0.0)
     settings = Settings(hull=HullSettings(spacing=0.02), search=search, tracking=tracking, refinement=refinement)
     today = Method(settings).described
     assert older.modern_method({"settings": FLAT, "smooth_hz": None}) == today

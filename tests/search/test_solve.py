@@ -1,5 +1,7 @@
 """The search for poses, on silhouettes of a body that is known."""
 
+from dataclasses import replace
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -103,7 +105,7 @@ def test_the_fallback_is_used_where_starts_fail(filmed):
 
 def test_arms_are_searched_for_again_only_where_a_pose_costs_more_than_enough(filmed, found):
     def costs(enough: float) -> np.ndarray:
-        search = eqx.tree_at(lambda s: s.enough, SEARCH, enough)
+        search = replace(SEARCH, enough=enough)
         return solve_frames(make_model(BODY), search, filmed.starts, filmed.fallback, filmed.observed).cost[:, 0]
 
     never = costs(np.inf)
@@ -226,8 +228,19 @@ def test_a_search_looks_both_ways_only_where_poses_typically_cost_much():
     search = Search(vague=30.0)
     vague = search.relative_to(20.0, 31.0)
     assert vague.looks_both_ways
-    assert vague.enough == 0.0
+    assert vague.enough_cost == 0.0
     usual = search.relative_to(20.0, 29.0)
     assert (usual.vague, usual.doubtful) == (30.0, 30.0)
-    assert 29.0 < usual.enough < 34.0
+    assert 29.0 < usual.enough_cost < 34.0
     assert not vague.without_rivals().looks_both_ways
+
+
+def test_costs_that_are_given_stay_whatever_poses_of_the_subject_cost():
+    assert (Search().enough_cost, Search().doubtful_cost) == (0.0, 45.0)
+    for typical in (5.0, 60.0):
+        found = Search(enough=0.0, doubtful=np.inf).relative_to(4.0, typical)
+        assert (found.enough_cost, found.doubtful_cost) == (0.0, np.inf)
+    found = Search(enough=7.0).relative_to(4.0, 5.0)
+    assert (found.enough, found.doubtful) == (7.0, 14.0)
+    with pytest.raises(ValueError, match="enough: is -1.0; give a cost, or None"):
+        Search(enough=-1.0)
