@@ -38,8 +38,8 @@ def best_track(model: Model, tracking: Tracking, track: Track | None, offers: Po
 
     Returns:
         The tracks forwards and backwards, the chosen one first. A track that meets all that is offered is not followed
-        backwards, and its second hypothesis is the first at infinite cost: 17 of 21 stacks of eight films met, and
-        going back changed their joints by 0.01 mm on average. In a stack of one frame, one hypothesis.
+        backwards, and its second hypothesis is the first at infinite cost: 17 of 21 stacks of eight films met, and the
+        mean error of these films was 13.8 mm with and without going back. In a stack of one frame, one hypothesis.
     """
     count = len(np.unique(offers.frame))
     two = offers.rows(np.arange(count), _OFFERS)
