@@ -41,7 +41,7 @@ def make_view(cameras: Cameras, index: int) -> View:
     return View(
         centre=cameras.centres[index],
         rotation=rotation,
-        directions=np.ascontiguousarray(directions.T, np.float32).reshape(3, height, width),
+        directions=np.ascontiguousarray(directions.T).reshape(3, height, width),
         columns=np.stack([least[..., 0].min(0), greatest[..., 0].max(0)]),
         rows=np.stack([least[..., 1].min(1), greatest[..., 1].max(1)]),
     )
@@ -116,18 +116,16 @@ def _meets(directions: np.ndarray, start: np.ndarray, axis: np.ndarray, radius: 
         growth: By how much that of the last one is larger (m).
     """
     x, y, z = directions
-    ahead, advance = (x * a + y * b + z * c for a, b, c in np.stack([start, axis]).astype(np.float32))
+    ahead, advance = (x * a + y * b + z * c for a, b, c in (start, axis))
     aa, ab, bb = float(axis @ axis), float(start @ axis), float(start @ start)
     a, b, c = aa - growth**2, ab - radius * growth, bb - radius**2
     if c <= 0 or a + 2 * b + c <= 0 or (0 < -b < a and b * b >= a * c):  # the camera is inside
         return ~np.isnan(ahead)
-    a = np.float32(a) - advance * advance
-    b = np.float32(b) - ahead * advance
-    c = np.float32(c) - ahead * ahead
+    a, b, c = a - advance * advance, b - ahead * advance, c - ahead * ahead
     first, last = ahead, ahead + advance
     if np.fmin(first, last).min(initial=1.0) > 0.0:
-        return _reaches_zero(a, b, c, np.float32(0.0), np.float32(1.0))
-    crossing = -ahead / np.where(advance == 0.0, np.float32(1.0), advance)
+        return _reaches_zero(a, b, c, 0.0, 1.0)
+    crossing = -ahead / np.where(advance == 0.0, 1.0, advance)
     from_s = np.where(first < 0.0, np.where(last < 0.0, np.inf, crossing), 0.0)
     to_s = np.where(last < 0.0, np.where(first < 0.0, -np.inf, crossing), 1.0)
     seen = from_s <= to_s
@@ -135,7 +133,7 @@ def _meets(directions: np.ndarray, start: np.ndarray, axis: np.ndarray, radius: 
 
 
 def _reaches_zero(
-    a: np.ndarray, b: np.ndarray, c: np.ndarray, low: np.ndarray | np.float32, high: np.ndarray | np.float32
+    a: np.ndarray, b: np.ndarray, c: np.ndarray, low: np.ndarray | float, high: np.ndarray | float
 ) -> np.ndarray:
     """Whether ``a s^2 + 2 b s + c <= 0`` for some s from `low` to `high`: at the minimum, or at an end."""
     if a.min(initial=1.0) > 0.0:
@@ -159,7 +157,7 @@ def _rectangles(view: View, from_camera: np.ndarray, radii: np.ndarray) -> np.nd
         half = np.arcsin(np.minimum(radii / np.maximum(away, 1e-9), 1.0))
         angle = np.arctan2(value, z)
         low, high = np.tan((angle - half).min(-1)), np.tan((angle + half).max(-1))
-        # The slack covers float32 rays. A capsule that crosses the camera's plane has no tangents, so it gets all
+        # The slack covers rounding. A capsule that crosses the camera's plane has no tangents, so it gets all
         # pixels.
         low = np.where(partly_behind, -np.inf, low - 1e-6)
         high = np.where(partly_behind, np.inf, high + 1e-6)
