@@ -60,23 +60,17 @@ def best_track(model: Model, tracking: Tracking, track: Track | None, offers: Po
     forwards, cost = follow(frames, last, before)
     if length == 1:
         return Hypotheses(jax.tree.map(lambda a: a[:, None], forwards), cost[:, None])
-    if _meets(model, forwards, offers):
+    places = places_of(model, forwards)
+    if not (np.isfinite(two.cost[:, 0]) & apart(places, places_of(model, two.best))).any():
         twice = jax.tree.map(lambda a: np.stack([a, a], 1), forwards)
         return Hypotheses(twice, np.stack([cost, np.full_like(cost, np.inf)], 1))
     end = jax.tree.map(lambda a: a[-1], forwards)
     back = np.maximum(np.arange(count - 1, count - 1 - length, -1), 0)
     backwards, other = jax.tree.map(lambda a: a[::-1], follow(back, end, end))
     both = Hypotheses(jax.tree.map(lambda a, b: np.stack([a, b], 1), forwards, backwards), np.stack([cost, other], 1))
-    places = np.stack([places_of(model, forwards), places_of(model, backwards)], 1)
+    places = np.stack([places, places_of(model, backwards)], 1)
     chosen = cheapest_path(both.cost, *_jumps(model, tracking, track, both, places))
     return both.ordered(np.stack([chosen, 1 - chosen], 1))
-
-
-def _meets(model: Model, poses: Pose, offers: Pool) -> bool:
-    """Whether poses (axis ``frames``) are the same as the cheapest that are offered, in all frames with an offer."""
-    cheapest = take(offers, np.isfinite(offers.cost)).cheapest(1)
-    offered, ours = places_of(model, cheapest.poses), places_of(model, take(poses, cheapest.frame))
-    return not apart(offered, ours).any()
 
 
 def _jumps(

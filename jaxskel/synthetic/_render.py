@@ -119,7 +119,7 @@ def _meets(directions: np.ndarray, start: np.ndarray, axis: np.ndarray, radius: 
     ahead, advance = (x * a + y * b + z * c for a, b, c in (start, axis))
     aa, ab, bb = float(axis @ axis), float(start @ axis), float(start @ start)
     a, b, c = aa - growth**2, ab - radius * growth, bb - radius**2
-    if c <= 0 or a + 2 * b + c <= 0 or (0 < -b < a and b * b >= a * c):  # the camera is inside
+    if _reaches_zero(np.array([a]), np.array([b]), np.array([c]), 0.0, 1.0).any():  # the camera is inside
         return ~np.isnan(ahead)
     a, b, c = a - advance * advance, b - ahead * advance, c - ahead * ahead
     first, last = ahead, ahead + advance

@@ -75,11 +75,16 @@ def at_an_edge() -> np.ndarray:
     return np.any(near, (0, 1))
 
 
+def read(distances, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distance of each point from the outline of each view (px), and whether the view sees it."""
+    at, seen_at = (eqx.filter_jit(each)(jnp.asarray(points, jnp.float32)) for each in (distances.at, distances.seen_at))
+    return np.asarray(at, float), np.asarray(seen_at[0])
+
+
 def test_occupancy_is_the_product_of_sigmoids_of_the_views_that_see():
     distances, points = seen(empty_views=[1]), around(300)
     points[0] = [3.8, 0.3, 1.2]  # behind the first camera or beside the view of others
-    each = np.asarray(eqx.filter_jit(distances.at)(jnp.asarray(points, jnp.float32)), float)
-    known = np.asarray(eqx.filter_jit(distances.seen_at)(jnp.asarray(points, jnp.float32))[0])
+    each, known = read(distances, points)
     known = known & (np.arange(8) != 1)[:, None]
     assert 0 < known[[0, 2, 3, 4, 5]].mean() < 1
     factors = np.where(known, 1 / (1 + np.exp(each / T)), 1.0)
@@ -88,8 +93,7 @@ def test_occupancy_is_the_product_of_sigmoids_of_the_views_that_see():
 
 def test_votes_are_the_probability_of_so_many_misses():
     distances, points = seen(), around(100)
-    each, p = np.asarray(eqx.filter_jit(distances.at)(jnp.asarray(points, jnp.float32)), float), 0.0
-    known = np.asarray(eqx.filter_jit(distances.seen_at)(jnp.asarray(points, jnp.float32))[0])
+    (each, known), p = read(distances, points), 0.0
     hit = np.where(known, 1 / (1 + np.exp(each / T)), 1.0)[:6]  # the others are blind
     for misses in np.ndindex(*[2] * 6):
         if sum(misses) <= 2:

@@ -46,8 +46,9 @@ def refined(initial, observed, objective=PAPER, rounds=12, max_steps=24) -> Refi
 
 
 TRUTHS = [pose_of(seed, 0.3) for seed in (20, 21, 22)]
+retract = jax.jit(BONES.retract)
 STARTS = [
-    jax.jit(BONES.retract)(0.1 * np.random.default_rng(i).normal(size=UNKNOWNS).astype(np.float32), truth, ADULT)
+    retract(0.1 * np.random.default_rng(i).normal(size=UNKNOWNS).astype(np.float32), truth, ADULT)
     for i, truth in enumerate(TRUTHS)
 ]
 OBSERVED = stacked([ideal_graph(ADULT, truth) for truth in TRUTHS])

@@ -58,15 +58,18 @@ def test_the_band_solver_is_the_dense_one(frames):
     np.testing.assert_allclose(np.ravel(found), np.linalg.solve(dense, gradient.ravel()), rtol=1e-9, atol=1e-12)
 
 
+retract, kinematics = jax.jit(BONES.retract), jax.jit(forward_kinematics)
+
+
 def wave(frame: int):
     """A person who waves an arm: rotations change smoothly, the last joint fastest."""
     unknowns = np.zeros(31)
     unknowns[[0, 9 + 4, 9 + 6]] = 0.3 * np.sin(0.15 * frame + np.array([0.0, 1.0, 2.0]))
-    return jax.jit(BONES.retract)(jnp.asarray(unknowns, jnp.float32), pose_of(5, 0.2), ADULT)
+    return retract(jnp.asarray(unknowns, jnp.float32), pose_of(5, 0.2), ADULT)
 
 
 POSES = [wave(frame) for frame in range(FRAMES)]
-TRUTH = np.stack([np.concatenate(jax.jit(forward_kinematics)(ADULT, pose)) for pose in POSES])
+TRUTH = np.stack([np.concatenate(kinematics(ADULT, pose)) for pose in POSES])
 INITIAL = jax.tree.map(lambda *a: jnp.stack([jnp.asarray(x, jnp.float32) for x in a]), *POSES)
 GRAPHS = jax.tree.map(
     lambda *a: jnp.stack([jnp.asarray(x, jnp.float32) if x.dtype != bool else x for x in a]),

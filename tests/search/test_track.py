@@ -36,6 +36,7 @@ def follow(filmed: Filmed, frames: slice, track: Track | None) -> tuple[np.ndarr
     )  # fmt: skip
     assert track.sides == sides[-1]
     assert np.isfinite(found.cost[:, 0]).all()
+    assert not np.isnan(found.cost).any()
     return np.linalg.norm(joints_of(found.best) - filmed.joints[frames], axis=-1).max(-1), track
 
 
