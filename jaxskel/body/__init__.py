@@ -23,6 +23,7 @@ from ._capsules import all_distances as all_distances
 from ._capsules import nearest_capsule as nearest_capsule
 from ._capsules import nearest_to_rays as nearest_to_rays
 from ._capsules import toward_capsule as toward_capsule
+from ._flesh_prior import flesh_prior as flesh_prior
 from ._human import HUMAN_15 as HUMAN_15
 from ._human import JOINT_NAMES as JOINT_NAMES
 from ._human import JOINT_OF_PIVOT as JOINT_OF_PIVOT
@@ -59,7 +60,6 @@ from ._shape import LENGTH_NAMES as LENGTH_NAMES
 from ._shape import QUANTITIES as QUANTITIES
 from ._shape import Prior as Prior
 from ._shape import Shape as Shape
-from ._shape import flesh_prior as flesh_prior
 from ._shape import lengths_of as lengths_of
 from ._shape import measured_body as measured_body
 from ._shape import people_prior as people_prior

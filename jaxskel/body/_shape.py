@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from ._capsule_body import BAG_BALLS, BALL_NAMES, BALL_SIDES, FREE_BALLS, HAIR_BALLS, HEM, LIKE_BALL, Body, make_body
 from ._human import JOINT_NAMES, JOINT_PARENTS, TIP_NAMES, TIP_PARENTS
 from ._population import Population, population_of
-from ._skeleton import Skeleton, default_adult, make_skeleton
+from ._skeleton import Skeleton, make_skeleton
 
 LENGTH_NAMES = (
     "trunk", "neck", "shoulder", "upper_arm", "forearm", "hip", "thigh", "shank", "head_top", "fingertip", "toetip",
@@ -40,7 +40,8 @@ _HAND_PLAYS = {"palm": 0.006, "finger": 0.015}
 _FINGERTIP_PLAY, _FINGERS_PLAY = 0.15, 5.0
 # Hands not held flat are half closed: fingers point inwards (tangent) and reach less far than flat ones (logarithm).
 _CLOSED, _SHORTER = -3.0, -0.4
-_NO_PLAY = 1e-6  # fixed, but the covariance stays invertible
+NO_PLAY = 1e-6
+"""Standard deviation of what is fixed: the covariance stays invertible."""
 
 
 class Shape(eqx.Module):
@@ -153,21 +154,6 @@ def people_prior(template: Skeleton, stature: float) -> Prior:
     return Prior(Shape.of(mean), prior.precision)
 
 
-def flesh_prior(skeleton: Skeleton) -> Prior:
-    """Prior of the flesh of someone with a known skeleton, which is the template: lengths and fingers are fixed."""
-    table, count = people_prior(skeleton, skeleton.stature), len(LENGTH_NAMES)
-    known, free = np.arange(FLESH_FROM), np.arange(FLESH_FROM, len(QUANTITIES))
-    off = np.zeros(FLESH_FROM)  # the table does not contain fingers
-    off[:count] = np.log(lengths_of(skeleton) / lengths_of(default_adult(skeleton.stature))) - table.mean.lengths
-    precision = table.precision.copy()
-    mean = table.mean.vector.copy()
-    mean[free] -= np.linalg.solve(precision[np.ix_(free, free)], precision[np.ix_(free, known)] @ off)
-    mean[known] = 0.0
-    precision[known], precision[:, known] = 0.0, 0.0
-    precision[known, known] = _NO_PLAY**-2
-    return Prior(Shape.of(mean), precision)
-
-
 def _unlike(template: Skeleton) -> Float[np.ndarray, " unknowns"]:
     """Standard deviation of each unknown that the tables of people do not contain."""
     lengths = np.sqrt(_SHARE**2 + (_CENTRE / lengths_of(template)) ** 2)
@@ -178,7 +164,7 @@ def _unlike(template: Skeleton) -> Float[np.ndarray, " unknowns"]:
         flesh[place] = _HAND_PLAYS.get(ball, flesh[place])
         # Middle balls stay in the middle, and bags in the chest and hair in the head unless some is found.
         if (what == "out" and ball in BALL_NAMES) or ball in BAG_BALLS + HAIR_BALLS:
-            flesh[place] = _NO_PLAY
+            flesh[place] = NO_PLAY
     return np.concatenate([lengths, [_FINGERS_PLAY, _FINGERS_PLAY], flesh])
 
 
