@@ -9,13 +9,18 @@ from .._math.gaussians import probability_within
 from ..body import JOINT_NAMES, without_side
 from ._unexplained import trust_in_explained
 
-# Standard deviation of each joint as a share of what the normal equations of `volume_objective` say, and the deviation
-# (m) from which on they say too little: a limb that hardly any outline touches may be elsewhere altogether.
+# Standard deviation of each joint as a share of what the normal equations of `volume_objective` say, and what remains
+# of it (m) however well outlines show a limb: where along it the joint lies.
 _SHARES = {
-    "pelvis": 0.47, "neck": 0.43, "head": 0.35, "shoulder": 0.3, "elbow": 0.22, "hand": 0.41, "hip": 0.36, "knee": 0.3,
+    "pelvis": 0.47, "neck": 0.43, "head": 0.35, "shoulder": 0.3, "elbow": 0.18, "hand": 0.22, "hip": 0.36, "knee": 0.3,
     "foot": 0.17,
 }  # fmt: skip
+_LEAST = {"elbow": 0.004, "hand": 0.01}
+# What the normal equations say (m) from which on they say too little: a limb that hardly any outline touches may be
+# elsewhere altogether. And the deviation that it has at most, because it is where people usually hold it: hands that
+# nothing shows were 60 mm off along each axis. Without this limit, they were given as much as 600 mm.
 _UNSEEN, _POWER = 0.05, 6
+_HARDLY_SEEN = 0.1
 # Largest deviation (m): a joint that nothing shows is nevertheless a part of a body that something shows.
 _FARTHEST = 1.0
 # In units of `volume_objective`: excess over the best cost that divides a rival's weight by e, and excess of the best
@@ -36,7 +41,7 @@ _TWICE_AS_VAGUE = 0.035
 # Standard deviation of each joint as a share of the thickness of what is worn around it: so that the truth is within
 # two and three deviations as often as it should be (crowd p00 to p07, seeds 4 and 5 of the clothes).
 _HIDDEN = {
-    "pelvis": 0.9, "neck": 0.5, "head": 0.9, "shoulder": 0.4, "elbow": 0.6, "hand": 0.6, "hip": 0.6, "knee": 0.45,
+    "pelvis": 0.9, "neck": 0.5, "head": 0.9, "shoulder": 0.4, "elbow": 0.6, "hand": 0.15, "hip": 0.6, "knee": 0.45,
     "foot": 0.15,
 }  # fmt: skip
 # Joints closer than this are in the same place (m), as in the paper's Table 1.
@@ -44,10 +49,10 @@ SAME_PLACE = 0.1
 
 
 def _of_joints(of: dict[str, float]) -> Float[np.ndarray, "joints=15"]:
-    return np.array([of[without_side(name)] for name in JOINT_NAMES])
+    return np.array([of.get(without_side(name), 0.0) for name in JOINT_NAMES])
 
 
-_SHARE_OF_JOINT, _HIDDEN_OF_JOINT = _of_joints(_SHARES), _of_joints(_HIDDEN)
+_SHARE_OF_JOINT, _LEAST_OF_JOINT, _HIDDEN_OF_JOINT = _of_joints(_SHARES), _of_joints(_LEAST), _of_joints(_HIDDEN)
 
 
 class Uncertainty(NamedTuple):
@@ -104,21 +109,22 @@ def searched_uncertainty(
         worn: The same of what is worn around each joint (m).
         turned: Which hypotheses face another way than the cheapest.
     """
-    raw = np.sqrt(np.trace(covariance, axis1=-2, axis2=-1) / 3)
+    raw = np.maximum(np.sqrt(np.trace(covariance, axis1=-2, axis2=-1, dtype=np.float64) / 3), 1e-9)
     loose = variance_in_clothes(clothes, _TWICE_AS_VAGUE)
-    hidden = _HIDDEN_OF_JOINT * worn
+    remains = np.hypot(_HIDDEN_OF_JOINT * worn, _LEAST_OF_JOINT)
     doublings = np.clip((cost[:, 0] - cost_threshold) / _EXCESS_COST, 0.0, _DOUBLINGS)
     doublings += _DOUBLINGS_BEYOND * max(np.log2(cost_threshold / _NO_BODY), 0.0)
     doublings += _UNEXPLAINED * (1 - trust_in_explained(unexplained))
-    wider = np.sqrt(loose) * _SHARE_OF_JOINT * (1 + (raw / _UNSEEN) ** _POWER) * 2 ** doublings[:, None]
-    wider = np.minimum(wider, _FARTHEST / np.maximum(raw, 1e-9))
-    own = covariance * (wider**2)[..., None, None] + (hidden**2)[:, None, None] * np.eye(3)
+    deviation = np.sqrt(loose) * _SHARE_OF_JOINT * raw * (1 + (raw / _UNSEEN) ** _POWER)
+    deviation = _HARDLY_SEEN / np.hypot(_HARDLY_SEEN / deviation, 1.0)
+    deviation = np.minimum(deviation * 2 ** doublings[:, None], _FARTHEST)
+    own = covariance * ((deviation / raw) ** 2)[..., None, None] + (remains**2)[:, None, None] * np.eye(3)
     usual = _RIVAL_COST * loose
     scale = np.where(turned, max(_TURNED_SHARE * cost_threshold, usual), usual)
     weight = np.exp(-np.clip(cost - cost[:, :1], -50.0, None) / scale)
     weight = (weight / weight.sum(1, keepdims=True))[..., None]
     between = np.einsum("fkj,fkja,fkjb->fjab", np.broadcast_to(weight, away.shape[:3]), away, away)
-    offset, deviation = np.linalg.norm(away, axis=-1), np.hypot(raw * wider, hidden)[:, None]
-    right = (weight * probability_within(SAME_PLACE, offset, np.broadcast_to(deviation, offset.shape))).sum(1)
+    offset, spread = np.linalg.norm(away, axis=-1), np.hypot(deviation, remains)[:, None]
+    right = (weight * probability_within(SAME_PLACE, offset, np.broadcast_to(spread, offset.shape))).sum(1)
     # Weights add up to one but for rounding.
     return Uncertainty((own + between).astype(np.float32), np.clip(right, 0.0, 1.0).astype(np.float32))
