@@ -1,5 +1,6 @@
 """Table of the pixel that each voxel projects onto, computed once because cameras and grid are static."""
 
+import math
 from dataclasses import replace
 
 import equinox as eqx
@@ -12,12 +13,16 @@ from .._runtime.batching import step_above
 from .._runtime.compile_cache import cached_jit
 from .._runtime.steps import Steps, finished
 from ..cameras import Cameras, nameless, project
-from ._blocks import INNER, blocks_of, count_blocks, find_footprints, nowhere, voxels_of
+from ._blocks import EDGE, INNER, blocks_of, count_blocks, find_footprints, grid_of_blocks, nowhere, voxels_of
 from ._grid import VoxelGrid
 
 # Blocks of voxels projected at once, into one camera: a fixed number, so that another grid does not recompile. In a
 # stream, other work waits for so many (3 ms on a slow core). A fourth of it takes half as long again for a whole grid.
 _AT_ONCE = 1 << 10
+# Blocks copied from another table at once, for one camera: they take as long as those that are projected.
+_COPIED = 1 << 13
+# Two grids share their voxels if one begins a whole number of blocks after the other, but for rounding (blocks).
+_ALIGNED = 1e-6
 
 
 class ProjectionTable(eqx.Module):
@@ -60,15 +65,20 @@ class ProjectionTable(eqx.Module):
 
     def with_min_views(self, min_views: int) -> "ProjectionTable":
         """The same table with another minimum number of cameras that see a voxel."""
-        views = (np.asarray(self.pixels_of_blocks) < self.unseen).sum(0)
-        return replace(self, observed_of_blocks=jnp.asarray((views >= min_views) & _real(self.grid.shape, len(views))))
+        observed = np.zeros(self.observed_of_blocks.shape, bool)
+        pixels, blocks = np.asarray(self.pixels_of_blocks), np.arange(count_blocks(self.grid.shape))
+        observed[: len(blocks)] = _observed(pixels[:, : len(blocks)], blocks, self.grid.shape, self.unseen, min_views)
+        return replace(self, observed_of_blocks=jnp.asarray(observed))
 
     def _by_voxel(self, of_blocks: np.ndarray) -> np.ndarray:
         """Values in grid order, from values in block order."""
-        every = np.stack(np.unravel_index(np.arange(self.grid.size), self.grid.shape), 1)
-        blocks, places = blocks_of(every, self.grid.shape)
-        # Rows are contiguous in memory, in the order in which they are read.
-        return of_blocks.reshape(*of_blocks.shape[:-2], -1).take(blocks * INNER + places, axis=-1)
+        blocks, lead = grid_of_blocks(self.grid.shape), of_blocks.shape[:-2]
+        inner = of_blocks[..., : math.prod(blocks), :].reshape(*lead, *blocks, EDGE, EDGE, EDGE)
+        first = len(lead)
+        order = [*range(first), *(first + axis + part for axis in range(3) for part in (0, 3))]
+        whole = inner.transpose(order).reshape(*lead, *(EDGE * count for count in blocks))
+        x, y, z = (slice(count) for count in self.grid.shape)
+        return whole[..., x, y, z].reshape(*lead, -1)
 
     @property
     def unseen(self) -> int:
@@ -93,43 +103,85 @@ def projection_table(cameras: Cameras, grid: VoxelGrid, height: int, width: int,
 
 
 def projecting(
-    cameras: Cameras, grid: VoxelGrid, height: int, width: int, min_views: int = 2
+    cameras: Cameras, grid: VoxelGrid, height: int, width: int, min_views: int = 2, known: ProjectionTable | None = None
 ) -> Steps[ProjectionTable]:
-    """As `projection_table`, in steps."""
-    blocks = count_blocks(grid.shape)
-    pixels = np.full((len(cameras), step_above(blocks), INNER), height * width, np.int32)
+    """As `projection_table`, in steps.
+
+    Args:
+        cameras: As for `projection_table`, as all below.
+        grid: The voxels.
+        height: Height of the stored silhouettes (px).
+        width: Width of the stored silhouettes (px), a multiple of 8.
+        min_views: Cameras that must see an occupied voxel.
+        known: A table of the same cameras and images; blocks that its grid has too are copied. A person who walks
+            15 cm leaves nine tenths of a stream's grid as they are.
+    """
+    blocks, unseen = count_blocks(grid.shape), height * width
+    # Not filled at once: new memory costs time where it is first written to, which is in small steps here.
+    pixels = np.empty((len(cameras), step_above(blocks), INNER), np.int32)
+    pixels[:, blocks:] = unseen
+    footprints = np.full(pixels.shape[:2], nowhere(height, width), np.int32)
+    same = _same_blocks(known, grid, (height, width)) if known is not None else np.full(blocks, -1)
+    new, old = np.flatnonzero(same < 0), np.flatnonzero(same >= 0)
     axes = grid.axes()
     # One by one, so that one program does for any rig and any images.
     single = [nameless(cameras[camera : camera + 1]) for camera in range(len(cameras))]
     extent = np.int32(height), np.int32(width)
     # In parts, because all coordinates of a large grid at once would take gigabytes.
-    for start in range(0, blocks, _AT_ONCE):
-        voxels = voxels_of(np.arange(start, start + _AT_ONCE) % blocks, grid.shape)
+    for start in range(0, len(new), _AT_ONCE):
+        part = new[start : start + _AT_ONCE]
+        voxels = voxels_of(np.resize(part, _AT_ONCE), grid.shape)
         # Voxels of a block outside the grid get the pixel of its first voxel.
-        part = np.where(voxels < 0, voxels[:, :1], voxels).reshape(-1)
-        points = [axis.take(index) for axis, index in zip(axes, np.unravel_index(part, grid.shape), strict=True)]
-        stop = min(start + _AT_ONCE, blocks)
+        inside = np.where(voxels < 0, voxels[:, :1], voxels).reshape(-1)
+        points = [axis.take(index) for axis, index in zip(axes, np.unravel_index(inside, grid.shape), strict=True)]
         stacked = np.stack(points, 1)
-        for own, camera in zip(pixels, single, strict=True):
+        for own, cells, camera in zip(pixels, footprints, single, strict=True):
             with jax.enable_x64(True):
-                found = np.asarray(_pixels(camera, stacked, *extent)).reshape(-1, INNER)
-            own[start:stop] = found[: stop - start]
+                found = np.asarray(_pixels(camera, stacked, *extent)).reshape(-1, INNER)[: len(part)]
+            own[part], cells[part] = found, find_footprints(found, height, width)
             yield
-    footprints = np.empty(pixels.shape[:2], np.int32)
-    for own, each in zip(footprints, pixels, strict=True):
-        own[:] = find_footprints(each, height, width)
+    if known is not None:
+        before = np.asarray(known.pixels_of_blocks), np.asarray(known.footprints)
+        for start in range(0, len(old), _COPIED):
+            part = old[start : start + _COPIED]
+            for own, cells, theirs, their_cells in zip(pixels, footprints, *before, strict=True):
+                own[part], cells[part] = theirs.take(same[part], 0), their_cells.take(same[part])
+                yield
+    observed = np.zeros(pixels.shape[1:], bool)
+    for start in range(0, blocks, _COPIED):
+        part = np.arange(start, min(start + _COPIED, blocks))
+        observed[part] = _observed(pixels[:, part[0] : part[-1] + 1], part, grid.shape, unseen, min_views)
         yield
-    cut, none = (footprints == nowhere(height, width)).any(0), jnp.zeros(pixels.shape[1:], bool)
-    table = ProjectionTable(grid, jnp.asarray(pixels), none, jnp.asarray(footprints), cut, (height, width))
-    return table.with_min_views(min_views)
+    cut = (footprints == nowhere(height, width)).any(0)
+    return ProjectionTable(
+        grid, jnp.asarray(pixels), jnp.asarray(observed), jnp.asarray(footprints), cut, (height, width)
+    )  # fmt: skip
 
 
-def _real(shape: tuple[int, ...], blocks: int) -> Bool[np.ndarray, "blocks inner"]:
-    """Mask of the voxels of the given number of blocks that lie inside the grid."""
-    real = np.zeros((blocks, INNER), bool)
-    own = count_blocks(shape)
-    real[:own] = voxels_of(np.arange(own), shape) >= 0
-    return real
+def _same_blocks(known: ProjectionTable, grid: VoxelGrid, size: tuple[int, int]) -> Int[np.ndarray, " blocks"]:
+    """For each block of a grid, the one of the table's grid with the same voxels; -1 where there is none."""
+    shapes, other = (grid.shape, known.grid.shape), known.grid
+    away = (np.asarray(grid.origin) - np.asarray(other.origin)) / (EDGE * grid.spacing)
+    shift = np.round(away).astype(int)
+    ragged = any(count % EDGE for shape in shapes for count in shape)
+    if ragged or known.size != size or grid.spacing != other.spacing or np.abs(away - shift).max() > _ALIGNED:
+        return np.full(count_blocks(grid.shape), -1)
+    at = np.indices(grid_of_blocks(grid.shape)) + shift[:, None, None, None]
+    blocks = grid_of_blocks(other.shape)
+    inside = ((at >= 0) & (at < np.reshape(blocks, (3, 1, 1, 1)))).all(0)
+    return np.where(inside, (at[0] * blocks[1] + at[1]) * blocks[2] + at[2], -1).reshape(-1)
+
+
+def _observed(
+    pixels: Int[np.ndarray, "cams blocks inner"],
+    blocks: Int[np.ndarray, " blocks"],
+    shape: tuple[int, ...],
+    unseen: int,
+    min_views: int,
+) -> Bool[np.ndarray, "blocks inner"]:
+    """Mask of the voxels of some blocks that lie inside the grid and that enough cameras see."""
+    views = np.add.reduce(pixels < unseen, 0, np.uint16)
+    return (views >= min_views) & (voxels_of(blocks, shape) >= 0)
 
 
 @cached_jit

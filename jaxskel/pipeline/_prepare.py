@@ -145,7 +145,7 @@ def changing_grid(prepared: Prepared, grid: VoxelGrid, size: tuple[int, int], se
     """As `with_grid`, in steps."""
     # Each camera that may miss a voxel is compensated by one more camera that must see it.
     views = _min_views(settings, prepared.cameras) + prepared.max_misses
-    table = yield from projecting(prepared.cameras, grid, *size, views)
+    table = yield from projecting(prepared.cameras, grid, *size, views, prepared.table)
     return replace(prepared, table=table, edge=observed_edge(table.observed.reshape(grid.shape)))
 
 
