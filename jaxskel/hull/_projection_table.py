@@ -12,6 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 from .._runtime.batching import step_above
 from .._runtime.compile_cache import cached_jit
 from .._runtime.steps import Steps, finished
+from .._runtime.taken_over import unwritten
 from ..cameras import Cameras, nameless, project
 from ._blocks import EDGE, INNER, blocks_of, count_blocks, find_footprints, grid_of_blocks, nowhere, voxels_of
 from ._grid import VoxelGrid
@@ -118,7 +119,7 @@ def projecting(
     """
     blocks, unseen = count_blocks(grid.shape), height * width
     # Not filled at once: new memory costs time where it is first written to, which is in small steps here.
-    pixels = np.empty((len(cameras), step_above(blocks), INNER), np.int32)
+    pixels = unwritten((len(cameras), step_above(blocks), INNER), np.int32)
     pixels[:, blocks:] = unseen
     footprints = np.full(pixels.shape[:2], nowhere(height, width), np.int32)
     same = _same_blocks(known, grid, (height, width)) if known is not None else np.full(blocks, -1)
@@ -153,9 +154,8 @@ def projecting(
         observed[part] = _observed(pixels[:, part[0] : part[-1] + 1], part, grid.shape, unseen, min_views)
         yield
     cut = (footprints == nowhere(height, width)).any(0)
-    return ProjectionTable(
-        grid, jnp.asarray(pixels), jnp.asarray(observed), jnp.asarray(footprints), cut, (height, width)
-    )  # fmt: skip
+    kept, seen, cells = (jax.device_put(array) for array in (pixels, observed, footprints))
+    return ProjectionTable(grid, kept, seen, cells, cut, (height, width))
 
 
 def _same_blocks(known: ProjectionTable, grid: VoxelGrid, size: tuple[int, int]) -> Int[np.ndarray, " blocks"]:
