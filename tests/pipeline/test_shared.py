@@ -26,7 +26,9 @@ def test_a_realistic_body_with_free_arms():
     assert poses.has_pose.all()
     assert result.wrong("l_foot") + result.wrong("r_foot") == 0
     assert result.wrong("l_hand") + result.wrong("r_hand") == 0
-    assert result.percentile(50) < 0.015
+    assert result.percentile(50) < 0.012
+    # The big toes of this skeleton point inwards at rest; flesh that was turned by them once more cost 16 mm.
+    assert max(result.percentile(50, joint) for joint in ("l_foot", "r_foot")) < 0.010
 
 
 @needs(REAL)
