@@ -122,32 +122,10 @@ def projecting(
     pixels = unwritten((len(cameras), step_above(blocks), INNER), np.int32)
     pixels[:, blocks:] = unseen
     footprints = np.full(pixels.shape[:2], nowhere(height, width), np.int32)
-    same = _same_blocks(known, grid, (height, width)) if known is not None else np.full(blocks, -1)
-    new, old = np.flatnonzero(same < 0), np.flatnonzero(same >= 0)
-    axes = grid.axes()
-    # One by one, so that one program does for any rig and any images.
-    single = [nameless(cameras[camera : camera + 1]) for camera in range(len(cameras))]
-    extent = np.int32(height), np.int32(width)
-    # In parts, because all coordinates of a large grid at once would take gigabytes.
-    for start in range(0, len(new), _AT_ONCE):
-        part = new[start : start + _AT_ONCE]
-        voxels = voxels_of(np.resize(part, _AT_ONCE), grid.shape)
-        # Voxels of a block outside the grid get the pixel of its first voxel.
-        inside = np.where(voxels < 0, voxels[:, :1], voxels).reshape(-1)
-        points = [axis.take(index) for axis, index in zip(axes, np.unravel_index(inside, grid.shape), strict=True)]
-        stacked = np.stack(points, 1)
-        for own, cells, camera in zip(pixels, footprints, single, strict=True):
-            with jax.enable_x64(True):
-                found = np.asarray(_pixels(camera, stacked, *extent)).reshape(-1, INNER)[: len(part)]
-            own[part], cells[part] = found, find_footprints(found, height, width)
-            yield
+    same = np.full(blocks, -1) if known is None else _same_blocks(known, grid, (height, width))
+    yield from _project(cameras, grid, np.flatnonzero(same < 0), (height, width), pixels, footprints)
     if known is not None:
-        before = np.asarray(known.pixels_of_blocks), np.asarray(known.footprints)
-        for start in range(0, len(old), _COPIED):
-            part = old[start : start + _COPIED]
-            for own, cells, theirs, their_cells in zip(pixels, footprints, *before, strict=True):
-                own[part], cells[part] = theirs.take(same[part], 0), their_cells.take(same[part])
-                yield
+        yield from _copy(known, same, pixels, footprints)
     observed = np.zeros(pixels.shape[1:], bool)
     for start in range(0, blocks, _COPIED):
         part = np.arange(start, min(start + _COPIED, blocks))
@@ -156,6 +134,49 @@ def projecting(
     cut = (footprints == nowhere(height, width)).any(0)
     kept, seen, cells = (jax.device_put(array) for array in (pixels, observed, footprints))
     return ProjectionTable(grid, kept, seen, cells, cut, (height, width))
+
+
+def _project(
+    cameras: Cameras,
+    grid: VoxelGrid,
+    blocks: Int[np.ndarray, " some"],
+    size: tuple[int, int],
+    pixels: Int[np.ndarray, "cams at_least_blocks inner"],
+    footprints: Int[np.ndarray, "cams at_least_blocks"],
+) -> Steps[None]:
+    """Fill in the pixels and footprints of some blocks, in steps."""
+    axes, extent = grid.axes(), (np.int32(size[0]), np.int32(size[1]))
+    # One by one, so that one program does for any rig and any images.
+    single = [nameless(cameras[camera : camera + 1]) for camera in range(len(cameras))]
+    # In parts, because all coordinates of a large grid at once would take gigabytes.
+    for start in range(0, len(blocks), _AT_ONCE):
+        part = blocks[start : start + _AT_ONCE]
+        voxels = voxels_of(np.resize(part, _AT_ONCE), grid.shape)
+        # Voxels of a block outside the grid get the pixel of its first voxel.
+        inside = np.where(voxels < 0, voxels[:, :1], voxels).reshape(-1)
+        points = [axis.take(index) for axis, index in zip(axes, np.unravel_index(inside, grid.shape), strict=True)]
+        stacked = np.stack(points, 1)
+        for own, cells, camera in zip(pixels, footprints, single, strict=True):
+            with jax.enable_x64(True):
+                found = np.asarray(_pixels(camera, stacked, *extent)).reshape(-1, INNER)[: len(part)]
+            own[part], cells[part] = found, find_footprints(found, *size)
+            yield
+
+
+def _copy(
+    known: ProjectionTable,
+    same: Int[np.ndarray, " blocks"],
+    pixels: Int[np.ndarray, "cams at_least_blocks inner"],
+    footprints: Int[np.ndarray, "cams at_least_blocks"],
+) -> Steps[None]:
+    """Copy the pixels and footprints of the blocks that another table has, see `_same_blocks`, in steps."""
+    before = np.asarray(known.pixels_of_blocks), np.asarray(known.footprints)
+    blocks = np.flatnonzero(same >= 0)
+    for start in range(0, len(blocks), _COPIED):
+        part = blocks[start : start + _COPIED]
+        for own, cells, theirs, their_cells in zip(pixels, footprints, *before, strict=True):
+            own[part], cells[part] = theirs.take(same[part], 0), their_cells.take(same[part])
+            yield
 
 
 def _same_blocks(known: ProjectionTable, grid: VoxelGrid, size: tuple[int, int]) -> Int[np.ndarray, " blocks"]:

@@ -36,7 +36,7 @@ def way_off(grid: VoxelGrid, middle: Float[np.ndarray, "3"]) -> float:
 
 
 class MovingGrid:
-    """Moves the grid of a stream: with steps in successive frames, because projecting it takes as long as three frames.
+    """Moves the grid of a stream: with steps in successive frames, because a move takes as long as three frames.
 
     Args:
         settings: How to reconstruct.
@@ -84,5 +84,5 @@ class MovingGrid:
 
 
 def _steps_at_once(grid: VoxelGrid) -> int:
-    """How many steps to take with each frame: four of 2 to 3 ms for voxels of 30 mm, 22 frames for eight views."""
+    """How many steps of 0.5 to 2 ms to take with each frame, so that a move is made in about seven."""
     return 4 + 2 * (grid.size // 1_000_000)
