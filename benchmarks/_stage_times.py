@@ -10,8 +10,8 @@ from jaxskel.cli._progress import StageTimes
 
 NUMPY = "NumPy's carving"
 """Row of the yardstick: other rows are also told as multiples of it."""
-CARVED_FRAMES = 32
-"""At most so many frames of the recording are carved by NumPy, once for each repetition."""
+# At most so many frames of the recording are carved by NumPy, once for each repetition.
+_CARVED_FRAMES = 32
 
 
 def stage_times(recording: Recording, settings: Settings, prepared: Prepared, repeat: int) -> dict[str, float]:
@@ -20,7 +20,7 @@ def stage_times(recording: Recording, settings: Settings, prepared: Prepared, re
     NumPy carves before each repetition, so that both run while the machine is equally fast.
     """
     assert prepared.table is not None
-    carved = unpack_silhouettes(recording.silhouettes[:CARVED_FRAMES], prepared.table.size[1])
+    carved = unpack_silhouettes(recording.silhouettes[:_CARVED_FRAMES], prepared.table.size[1])
     carve = numpy_gather(carved, prepared.table)
     runs = []
     for turn in range(1 + repeat):

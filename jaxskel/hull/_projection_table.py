@@ -66,9 +66,9 @@ class ProjectionTable(eqx.Module):
 
     def with_min_views(self, min_views: int) -> "ProjectionTable":
         """The same table with another minimum number of cameras that see a voxel."""
-        observed = np.zeros(self.observed_of_blocks.shape, bool)
-        pixels, blocks = np.asarray(self.pixels_of_blocks), np.arange(count_blocks(self.grid.shape))
-        observed[: len(blocks)] = _observed(pixels[:, : len(blocks)], blocks, self.grid.shape, self.unseen, min_views)
+        observed, blocks = np.zeros(self.observed_of_blocks.shape, bool), count_blocks(self.grid.shape)
+        pixels = np.asarray(self.pixels_of_blocks)
+        observed[:blocks] = _observed(pixels, 0, blocks, self.grid.shape, self.unseen, min_views)
         return replace(self, observed_of_blocks=jnp.asarray(observed))
 
     def _by_voxel(self, of_blocks: np.ndarray) -> np.ndarray:
@@ -128,8 +128,8 @@ def projecting(
         yield from _copy(known, same, pixels, footprints)
     observed = np.zeros(pixels.shape[1:], bool)
     for start in range(0, blocks, _COPIED):
-        part = np.arange(start, min(start + _COPIED, blocks))
-        observed[part] = _observed(pixels[:, part[0] : part[-1] + 1], part, grid.shape, unseen, min_views)
+        stop = min(start + _COPIED, blocks)
+        observed[start:stop] = _observed(pixels, start, stop, grid.shape, unseen, min_views)
         yield
     cut = (footprints == nowhere(height, width)).any(0)
     kept, seen, cells = (jax.device_put(array) for array in (pixels, observed, footprints))
@@ -194,15 +194,16 @@ def _same_blocks(known: ProjectionTable, grid: VoxelGrid, size: tuple[int, int])
 
 
 def _observed(
-    pixels: Int[np.ndarray, "cams blocks inner"],
-    blocks: Int[np.ndarray, " blocks"],
+    pixels: Int[np.ndarray, "cams at_least_blocks inner"],
+    start: int,
+    stop: int,
     shape: tuple[int, ...],
     unseen: int,
     min_views: int,
-) -> Bool[np.ndarray, "blocks inner"]:
-    """Mask of the voxels of some blocks that lie inside the grid and that enough cameras see."""
-    views = np.add.reduce(pixels < unseen, 0, np.uint16)
-    return (views >= min_views) & (voxels_of(blocks, shape) >= 0)
+) -> Bool[np.ndarray, "some inner"]:
+    """Mask of the voxels of a range of blocks that lie inside the grid and that enough cameras see."""
+    views = np.add.reduce(pixels[:, start:stop] < unseen, 0, np.uint16)
+    return (views >= min_views) & (voxels_of(np.arange(start, stop), shape) >= 0)
 
 
 @cached_jit

@@ -15,7 +15,7 @@ _SHARES = {
     "pelvis": 0.47, "neck": 0.43, "head": 0.35, "shoulder": 0.3, "elbow": 0.18, "hand": 0.22, "hip": 0.36, "knee": 0.3,
     "foot": 0.17,
 }  # fmt: skip
-_LEAST = {"elbow": 0.004, "hand": 0.01}
+_LEAST = dict.fromkeys(_SHARES, 0.0) | {"elbow": 0.004, "hand": 0.01}
 # What the normal equations say (m) from which on they say too little: a limb that hardly any outline touches may be
 # elsewhere altogether. And the deviation that it has at most, because it is where people usually hold it: hands that
 # nothing shows were 60 mm off along each axis. Without this limit, they were given as much as 600 mm.
@@ -49,7 +49,7 @@ SAME_PLACE = 0.1
 
 
 def _of_joints(of: dict[str, float]) -> Float[np.ndarray, "joints=15"]:
-    return np.array([of.get(without_side(name), 0.0) for name in JOINT_NAMES])
+    return np.array([of[without_side(name)] for name in JOINT_NAMES])
 
 
 _SHARE_OF_JOINT, _LEAST_OF_JOINT, _HIDDEN_OF_JOINT = _of_joints(_SHARES), _of_joints(_LEAST), _of_joints(_HIDDEN)

@@ -8,7 +8,9 @@ from jaxskel import Skeleton, default_adult, make_skeleton
 from jaxskel._math.rotations import turn_about
 from jaxskel.body import (
     BALL_NAMES,
+    FLESH_FROM,
     FREE_BALLS,
+    LENGTH_NAMES,
     SEGMENT_NAMES,
     Pose,
     flesh_prior,
@@ -58,7 +60,7 @@ def test_toes_turned_at_rest_are_not_turned_once_more():
 
 def test_deviations_turn_with_the_arm():
     usual, raised = (np.linalg.inv(flesh_prior(each).precision) for each in (ADULT, _with_raised_arms()))
-    first = 13 + 4 * FREE.index(BALL_NAMES.index("l_forearm"))
+    first = FLESH_FROM + 4 * FREE.index(BALL_NAMES.index("l_forearm"))
     of_ball = slice(first, first + 3)
     assert raised[of_ball, of_ball] == pytest.approx(TURN @ usual[of_ball, of_ball] @ TURN.T, rel=1e-3, abs=1e-8)
 
@@ -67,8 +69,8 @@ def test_around_the_usual_adult_it_is_what_people_with_these_lengths_have():
     """Of several jointly normal quantities, those given fix the mean of the others."""
     people, flesh = people_prior(ADULT, ADULT.stature), flesh_prior(ADULT)
     covariance = np.linalg.inv(people.precision + 1e-3 * np.eye(len(people.precision)))
-    known, free = slice(0, 11), slice(13, None)
+    known, free = slice(0, len(LENGTH_NAMES)), slice(FLESH_FROM, None)
     gain = covariance[free, known] @ np.linalg.inv(covariance[known, known])
     mean = people.mean.vector[free] - gain @ people.mean.lengths
     assert flesh.mean.vector[free] == pytest.approx(mean, abs=1e-3)
-    assert flesh.mean.vector[:13] == pytest.approx(np.zeros(13))
+    assert flesh.mean.vector[:FLESH_FROM] == pytest.approx(np.zeros(FLESH_FROM))
