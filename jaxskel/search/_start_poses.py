@@ -1,5 +1,6 @@
 """Start poses of the search: eight a frame from the graph, and others that need no graph."""
 
+import jax
 import numpy as np
 from jaxtyping import Float
 
@@ -68,7 +69,6 @@ def _eight_ways(
     feet: Float[np.ndarray, "frames 2 3"],
     skeleton: Skeleton,
 ) -> Pose:
-    poses: list[np.ndarray] = []
     # The body is turned about its own spine, which need not be upright.
     upwards = unit(spine)
     ahead = front - upwards * (front * upwards).sum(1, keepdims=True)
@@ -76,13 +76,18 @@ def _eight_ways(
     ahead = np.where(np.linalg.norm(ahead, axis=1, keepdims=True) > _ALONG, ahead, [0.0, 0.0, 1.0])
     first = unit(np.cross(upwards, ahead))
     second = np.cross(upwards, first)
-    for left in (first, -first, second, -second):
-        straight = ((feet[:, 0] - feet[:, 1]) * left).sum(1) >= 0
-        for crossed in (False, True):
-            order = np.where((straight != crossed)[:, None], [0, 1], [1, 0])
-            poses.append(_pose(pelvis, spine, left, np.take_along_axis(feet, order[..., None], 1), skeleton))
-    rotations = np.stack(poses, 1)
-    return Pose(np.repeat(pelvis[:, None], STARTS, 1), rotations)
+    left = np.repeat(np.stack([first, -first, second, -second], 1), 2, 1)
+    straight = ((feet[:, 0] - feet[:, 1])[:, None] * left).sum(-1) >= 0
+    exchanged = (straight == np.tile([False, True], STARTS // 2))[..., None, None]
+    ordered = np.where(exchanged, feet[:, None, ::-1], feet[:, None])
+
+    def flat(a: np.ndarray) -> np.ndarray:
+        return np.repeat(a[:, None], STARTS, 1).reshape(-1, 3)
+
+    # Of a model, they are on the device, where these small operations would take a hundred times as long.
+    skeleton = jax.tree.map(np.asarray, skeleton)
+    rotations = _reaching(flat(pelvis), flat(spine), left.reshape(-1, 3), ordered.reshape(-1, 2, 3), skeleton)
+    return Pose(np.repeat(pelvis[:, None], STARTS, 1), rotations.reshape(-1, STARTS, *rotations.shape[1:]))
 
 
 def graphless_poses(middles: Float[np.ndarray, "frames 3"], skeleton: Skeleton) -> Pose:
@@ -124,13 +129,14 @@ def _about_front(angle: float) -> Float[np.ndarray, "3 3"]:
     return turn_about(np.array([[1.0, 0.0, 0.0]]), np.array([angle]))[0]
 
 
-def _pose(
+def _reaching(
     pelvis: Float[np.ndarray, "frames 3"],
     spine: Float[np.ndarray, "frames 3"],
     left: Float[np.ndarray, "frames 3"],
     feet: Float[np.ndarray, "frames 2 3"],
     skeleton: Skeleton,
 ) -> Float[np.ndarray, "frames segments 3 3"]:
+    """Rotations of a body with this spine and left side, whose legs reach to the feet."""
     points = np.concatenate([skeleton.rest_joints, skeleton.pivots]).astype(np.float64)
     rest: dict[str, np.ndarray] = dict(zip(JOINT_NAMES + PIVOT_NAMES, points, strict=True))
     trunk = frame(spine, left) @ aligning(unit(rest["neck"]), np.array([0.0, 0.0, 1.0]))
