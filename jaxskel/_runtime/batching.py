@@ -23,6 +23,8 @@ def single_precision(tree: Any) -> Any:
     return jax.tree.map(single, tree)
 
 
+# Padding is not written in arrays of more numbers than this for each member: silhouette distances, above all.
+_LARGE = 100_000
 # XLA uses memory aligned to this many bytes without copying it.
 _ALIGNED = 64
 STACK = 32
@@ -52,13 +54,18 @@ def take(tree: Any, index: Int[np.ndarray, "*some"] | Bool[np.ndarray, "*all"]) 
 
 
 def padded(tree: Any, length: int) -> Any:
-    """A stack in single precision, padded with its first member so that every batch has the same shapes."""
+    """A stack in single precision, padded with its first member so that every batch has the same shapes.
+
+    Padding of large arrays stays zero, and takes neither time nor memory.
+    """
 
     def pad(a: np.ndarray | jax.Array) -> np.ndarray | jax.Array:
         if len(a) == length:
             return a
         whole = aligned((length, *a.shape[1:]), a.dtype)
-        whole[: len(a)], whole[len(a) :] = np.asarray(a), np.asarray(a[0]) if len(a) else 0
+        whole[: len(a)] = np.asarray(a)
+        if len(a) and a[0].size < _LARGE:
+            whole[len(a) :] = np.asarray(a[0])
         return whole
 
     return jax.tree.map(pad, single_precision(tree))

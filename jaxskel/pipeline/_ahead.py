@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._runtime.batching import filled
+from .._runtime.batching import STACK, filled
 from .._runtime.cores import usable_cores
 from ..body import make_body
 from ..body_calibration import bundle_ahead
@@ -22,7 +22,10 @@ from ._subject_frames import NO_PRIOR
 
 
 def compile_ahead(
-    cameras: Cameras, settings: Settings, data: Mapping[str, Float[Array | np.ndarray, "frames ..."]] | None = None
+    cameras: Cameras,
+    settings: Settings,
+    data: Mapping[str, Float[Array | np.ndarray, "frames ..."]] | None = None,
+    at_once: int = STACK,
 ) -> None:
     """Begin to compile what a subject with these settings needs, in threads; with one core, do nothing.
 
@@ -33,11 +36,12 @@ def compile_ahead(
         cameras: The rig; only the number and the kinds of cameras and the sizes of images matter.
         settings: How to reconstruct.
         data: The recording's own data; only the shapes matter.
+        at_once: Frames that are worked on at once.
     """
     if settings.search is None or usable_cores() == 1:
         return
     skeleton, known = settings.average, settings.body is not None
-    stack, body = filled(_nobody(cameras, data or {})), settings.body or make_body(skeleton)
+    stack, body = filled(_nobody(cameras, data or {}), at_once), settings.body or make_body(skeleton)
     # Weights make no other program; without a prior, nothing is computed for its tables.
     model, poses = make_model(body, settings.search.objective, NO_PRIOR), any_poses(len(stack.inner))
     threads = ThreadPoolExecutor(usable_cores())

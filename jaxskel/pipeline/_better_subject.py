@@ -17,8 +17,9 @@ from ._prepare import SUBJECT_FRAMES, prepare
 from ._prepared import Prepared
 from ._settings import Settings
 
-# Numbers of different frames at which the subject is found again. The first few make most of the difference.
-_AGAIN = (6, 12, SUBJECT_FRAMES)
+# Numbers of different frames at which the subject is found again. In the first frame it was only guessed. The first
+# few make most of the difference.
+_AGAIN = (1, 6, 12, SUBJECT_FRAMES)
 # Priority of the process: on one core beside a stream that never waits, it gets a tenth of the time.
 _NICE = 10
 # Two frames differ if a joint lies this far elsewhere relative to the pelvis (m).
@@ -41,10 +42,11 @@ class BetterSubject:
         self._worker: WorkerProcess | None = None
         self._giving = Thread()
         self._busy = False
-        self._rounds = list(_AGAIN)
+        # By the graph alone, nothing more would be found in the first frame.
+        self._rounds = list(_AGAIN if settings.search is not None else _AGAIN[1:])
 
     def see(self, frame: Recording, poses: Poses) -> None:
-        """Keep a frame if it shows the person well, and differently from all that are kept."""
+        """Keep a frame if it shows the person well, and differently from all that are kept; or if it is the first."""
         if not self._rounds:
             return
         if poses.status[0] == Status.OK and len(self._frames) < SUBJECT_FRAMES:
@@ -53,6 +55,8 @@ class BetterSubject:
             if all(np.linalg.norm(posture - other, axis=1).max() > _ELSEWHERE for other in self._postures):
                 self._frames.append(frame)
                 self._postures.append(posture)
+        elif poses.status[0] == Status.NO_MATCH and not self._frames:
+            self._frames.append(frame)  # the guess may be wrong
         if not self._busy and len(self._frames) >= self._rounds[0]:
             self._rounds = [count for count in self._rounds if count > len(self._frames)]
             # The last core: the stream itself begins at the first one.

@@ -1,5 +1,6 @@
 """Preparation before the first frame: the grid, its projection, and the subject's template and body."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -11,6 +12,7 @@ from .._runtime.kinds import check_kind
 from .._runtime.steps import Steps, finished
 from ..body import (
     HUMAN_15,
+    Prior,
     Skeleton,
     default_adult,
     flesh_prior,
@@ -33,14 +35,16 @@ from ..hull import (
 )
 from ..matching import estimate_size, estimate_stature, size_of_limbs
 from ..recording import Recording, find_empty_views, rotation_to_z_up, silhouette_areas
-from ..search import Model, make_model
+from ..search import Model, Search, make_model
 from ._ahead import compile_ahead
 from ._observe_batch import label_graphs, observe_batch
 from ._prepared import Prepared
 from ._settings import Settings, weight_of_priors
-from ._subject import OTHER_SIZES, find_subject
-from ._subject_frames import sight_of
+from ._subject import OTHER_SIZES, Subject, find_subject
+from ._subject_frames import Sight, sight_of
 
+FindSubject = Callable[[Skeleton, Callable[[float], Prior], Sight, Search], Subject]
+"""`find_subject`, or `guess_subject` where nobody should wait."""
 SUBJECT_FRAMES = 24
 """Largest number of frames that a subject is found in."""
 _STATURES = (0.8, 2.4)  # m
@@ -168,9 +172,17 @@ def _min_views(settings: Settings, cameras: Cameras) -> int:
 
 
 def with_subject(
-    prepared: Prepared, recording: Recording, settings: Settings, calibrate: bool, at_once: int = FRAMES_PER_WORD
+    prepared: Prepared,
+    recording: Recording,
+    settings: Settings,
+    calibrate: bool,
+    find: FindSubject | None = None,
+    at_once: int = FRAMES_PER_WORD,
 ) -> Prepared:
-    """The same with the subject as some frames show it; unchanged if they show nobody, or nothing is to be found."""
+    """The same with the subject as some frames show it; unchanged if they show nobody, or nothing is to be found.
+
+    Without `find`, the subject is looked for as thoroughly as can be, in other sizes than that of the graphs, too.
+    """
     calibrating = calibrate and settings.search is not None and settings.body is None
     if prepared.table is None or (prepared.skeleton_is_known and not calibrating):
         return prepared
@@ -195,12 +207,12 @@ def with_subject(
     known = prepared.skeleton_is_known
     if known:
         flesh = flesh_prior(skeleton)
-        subject = find_subject(skeleton, lambda _: flesh, sight, settings.search)
-    else:
-        subject = find_subject(skeleton, partial(people_prior, skeleton), sight, settings.search, OTHER_SIZES)
-    if known:  # exactly as given, not rounded
+        subject = (find or find_subject)(skeleton, lambda _: flesh, sight, settings.search)
+        # Exactly as given, not rounded.
         body = eqx.tree_at(lambda b: b.skeleton, subject.body, skeleton)
         return replace(prepared, body=body, costs=subject.costs, clothes=subject.clothes)
+    find = find or partial(find_subject, sizes=OTHER_SIZES)
+    subject = find(skeleton, partial(people_prior, skeleton), sight, settings.search)
     return replace(
         prepared, skeleton=subject.body.skeleton, body=subject.body, costs=subject.costs,
         stature_deviation=subject.stature_deviation, clothes=subject.clothes,

@@ -25,6 +25,7 @@ from ._prepare import place, scale_for, with_grid, with_model, with_subject
 from ._prepared import Prepared
 from ._reconstruct import reconstruct_batch
 from ._settings import Settings
+from ._subject import guess_subject
 
 # Edge of the voxels (m) where the silhouettes decide between the poses that the graph proposes: finer ones do not make
 # them better, see `HullSettings.spacing`, but take longer.
@@ -210,14 +211,14 @@ class Stream:
             if middle is None:
                 return place(frame, self._settings, at_once=1)
             if not self._found:
-                compile_ahead(cameras, self._settings, frame.data)
+                compile_ahead(cameras, self._settings, frame.data, at_once=1)
             grid = None if self._settings.hull.box is not None else grid_around(middle, self._settings.hull.spacing)
             self._prepared = with_model(place(frame, self._settings, grid, at_once=1), self._settings)
         self._follow(silhouettes)
         if self._better is not None:
             self._improve(self._better.found())
         if not self._found:
-            found = with_subject(self._prepared, frame, self._settings, calibrate=True, at_once=1)
+            found = with_subject(self._prepared, frame, self._settings, True, guess_subject, at_once=1)
             if found is not self._prepared:
                 self._prepared, self._found = with_model(found, self._settings), True
         return self._prepared

@@ -13,6 +13,7 @@ from ..refinement.terms import Observed
 from ..search import (
     Hypotheses,
     Search,
+    fit_of,
     fit_pool,
     fit_scales,
     graphless_poses,
@@ -77,9 +78,9 @@ class Given(NamedTuple):
 
     def poses_from(self, found: Hypotheses, shape: Shape) -> Hypotheses:
         """The poses of another body of nearly the same shape, from those found; searched for where none fits."""
-        model = make_model(measured_body(self.template, shape), self.search.objective, NO_PRIOR)
+        to_fit = fit_of(measured_body(self.template, shape), self.search.objective, NO_PRIOR)
         every, count = np.arange(len(found.cost)), found.cost.shape[1]
-        fitted = fit_pool(model.body, model.objective, found.pool(every), self.stack, FINE).rows(every, count)
+        fitted = fit_pool(*to_fit, found.pool(every), self.stack, FINE).rows(every, count)
         doubtful = np.flatnonzero(fitted.cost[:, 0] > self.search.doubtful_cost)
         if len(doubtful) == 0:
             return fitted

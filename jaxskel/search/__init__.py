@@ -10,7 +10,6 @@ from ._ahead import limbs_ahead as limbs_ahead
 from ._costs import costs_by_term as costs_by_term
 from ._facing import turned_rivals as turned_rivals
 from ._fit import fit_pool as fit_pool
-from ._fit import fit_poses as fit_poses
 from ._fit import fit_scales as fit_scales
 from ._follow_frame import begun as begun
 from ._follow_frame import doubt_arises as doubt_arises
@@ -25,6 +24,7 @@ from ._hypotheses import Hypotheses as Hypotheses
 from ._hypotheses import pool_of as pool_of
 from ._initial_poses import initial_poses as initial_poses
 from ._model import Model as Model
+from ._model import fit_of as fit_of
 from ._model import make_model as make_model
 from ._search import Search as Search
 from ._search import cost_threshold as cost_threshold

@@ -6,20 +6,21 @@ import numpy as np
 
 from ..body import SEGMENT_NAMES, Pose
 from ..refinement.terms import Observed
-from ._fit import AT_ONCE, fit_ahead
+from ._fit import fit_ahead
 from ._limb_proposals import with_pairs, with_single
 from ._model import Model
-from ._search import ARMS, LIMBS_AT_ONCE, Search
+from ._search import ARMS, Search, limbs_at_once
 
 
 def fits_ahead(threads: Executor, model: Model, stack: Observed) -> None:
-    """Begin to compile the fits of `solve_frames`: one program, with arms and without."""
-    fit_ahead(threads, model.body, model.objective, any_poses(AT_ONCE), stack)
+    """Begin to compile the fits of `solve_frames`: the same for a body with arms and without."""
+    fit_ahead(threads, model.body, model.objective, any_poses, stack)
 
 
 def limbs_ahead(threads: Executor, model: Model, search: Search, stack: Observed) -> None:
     """Begin to compile the proposals of limbs of `solve_frames`, in the order in which it asks for them."""
-    poses, frames = any_poses(LIMBS_AT_ONCE), np.zeros(LIMBS_AT_ONCE, np.int32)
+    size = limbs_at_once(stack)
+    poses, frames = any_poses(size), np.zeros(size, np.int32)
     with_pairs.ahead(threads, model, poses, frames, stack, ARMS, search.pairs)
     with_single.ahead(threads, model, poses, frames, stack, model.limbs[ARMS[0]], search.singles)
 

@@ -12,19 +12,19 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from .._runtime.batching import length_of, on_device, take
+from .._runtime.batching import length_of, take
 from .._runtime.compile_cache import cached_jit
 from .._runtime.steps import Steps, finished
 from ..body import Body, Pose
 from ..refinement.parametrisations import HingedLimbs
 from ..refinement.terms import Objective, Observed, place
 from ._gauss_newton import descend
-from ._hypotheses import Hypotheses, Pool, pool_of
+from ._hypotheses import Pool
 
 _HINGED = HingedLimbs()
 _MOST_STEPS = 16  # length of the array of scales, fixed so that other step counts do not compile again
 # Hypotheses per chunk: enough to hide the overhead of XLA's many small steps.
-AT_ONCE = 8
+_AT_ONCE = 8
 # The same for a frame by itself, which has few of them and should not wait long for a chunk.
 _ALONE = (2, 4)
 # A step uses one in this many rays; the final cost uses all.
@@ -40,13 +40,6 @@ def fit_scales(*rounds: tuple[float, int]) -> Scales:
     return np.resize(values, _MOST_STEPS), np.array(len(values), np.int32)
 
 
-def fit_poses(body: Body, objective: Objective, poses: Pose, observed: Observed, scales: Scales) -> Hypotheses:
-    """Minimise an objective of this body for hypotheses with axes ``frames hypotheses``; order them by cost."""
-    frames = np.arange(len(poses.root))
-    found = fit_pool(body, objective, pool_of(poses, frames), on_device(observed), scales)
-    return found.rows(frames, poses.root.shape[1])
-
-
 def fit_pool(body: Body, objective: Objective, pool: Pool, stack: Observed, scales: Scales) -> Pool:
     """Minimise an objective of this body from each hypothesis of a pool; return the poses and their costs."""
     return finished(fitting(body, objective, pool, stack, scales))
@@ -56,18 +49,24 @@ def fitting(body: Body, objective: Objective, pool: Pool, stack: Observed, scale
     """As `fit_pool`, in steps."""
     if len(pool) == 0:
         return pool
-    sizes = _ALONE if length_of(stack) == 1 else (AT_ONCE,)
 
     def fitted(poses: Pose, frames: Int[Array, " chunk"]) -> tuple[Pose, Float[Array, " chunk"]]:
         return _fitted(body, objective, poses, frames, stack, scales)
 
-    poses, cost = yield from in_chunks(fitted, pool, sizes)
+    poses, cost = yield from in_chunks(fitted, pool, _sizes(stack))
     return Pool(pool.frame, poses, cost)
 
 
-def fit_ahead(threads: Executor, body: Body, objective: Objective, poses: Pose, stack: Observed) -> None:
-    """Begin to compile the fit of a body to a stack of observations; `poses` are `AT_ONCE` of any."""
-    _fitted.ahead(threads, body, objective, poses, np.zeros(AT_ONCE, np.int32), stack, fit_scales((0.04, 1)))
+def fit_ahead(
+    threads: Executor, body: Body, objective: Objective, poses: Callable[[int], Pose], stack: Observed
+) -> None:
+    """Begin to compile the fits of a body to a stack of observations; `poses` makes any number of poses."""
+    for size in _sizes(stack):
+        _fitted.ahead(threads, body, objective, poses(size), np.zeros(size, np.int32), stack, fit_scales((0.04, 1)))
+
+
+def _sizes(stack: Observed) -> tuple[int, ...]:
+    return _ALONE if length_of(stack) == 1 else (_AT_ONCE,)
 
 
 def in_chunks(work: Callable[[Pose, Int[Array, " chunk"]], Any], pool: Pool, sizes: tuple[int, ...]) -> Steps[Any]:

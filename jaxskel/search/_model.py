@@ -1,5 +1,7 @@
 """The subject's body and the objective, prepared for the search."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import numpy as np
@@ -31,8 +33,8 @@ class Model(eqx.Module):
         return self.body.skeleton
 
 
-def make_model(body: Body, objective: GivenObjective = search_objective, prior: float = 1.0) -> Model:
-    """Prepare a subject for a search that minimises an objective.
+def fit_of(body: Body, objective: GivenObjective = search_objective, prior: float = 1.0) -> tuple[Body, Objective]:
+    """A subject's body and the objective of it, as fits take them: without the tables of a search.
 
     Args:
         body: The subject's body.
@@ -48,11 +50,21 @@ def make_model(body: Body, objective: GivenObjective = search_objective, prior: 
             f"objective: a search looks at single frames, but {', '.join(objective.couplings)} couples them"
         )
     body = single_precision(body)
+    return _on_device((body, single_precision(objective.of_body(body))))
+
+
+def make_model(body: Body, objective: GivenObjective = search_objective, prior: float = 1.0) -> Model:
+    """Prepare a subject for a search that minimises an objective; arguments and errors as of `fit_of`."""
+    on_device, given = fit_of(body, objective, prior)
+    body = single_precision(body)
     # The arms stay, but with negative radii, so that they touch nothing: one program fits both bodies.
     arms = limb_capsules("l_arm", "r_arm")
     balls = np.isin(np.arange(len(BALL_NAMES)), np.setdiff1d(LINKS[arms], LINKS[~arms]))
     armless = eqx.tree_at(lambda b: b.radii, body, np.where(balls, -9, body.radii))
-    limbs = {name: make_limb(body.skeleton, name, objective) for name in _LIMBS}
-    model = Model(body, single_precision(armless), limbs, single_precision(objective.of_body(body)))
-    # Once, instead of with each of some hundred calls.
-    return jax.tree.map(lambda leaf: jax.device_put(leaf) if hasattr(leaf, "dtype") else leaf, model)
+    limbs = {name: make_limb(body.skeleton, name, given) for name in _LIMBS}
+    return Model(on_device, _on_device(single_precision(armless)), _on_device(limbs), given)
+
+
+def _on_device(tree: Any) -> Any:
+    """The same on the device: once, instead of with each of some hundred calls."""
+    return jax.tree.map(lambda leaf: jax.device_put(leaf) if hasattr(leaf, "dtype") else leaf, tree)

@@ -44,7 +44,7 @@ _DOUBTFUL_IF_UNKNOWN = 45.0
 _TRUNK = np.array([i for i, name in enumerate(SEGMENT_NAMES) if name[2:] not in _ARM_SEGMENTS], np.int32)
 # Poses per batch of the limb search. Larger batches need over 32 MB of temporary memory, which the system then
 # allocates and frees each time.
-LIMBS_AT_ONCE = 4
+_LIMBS_AT_ONCE = 4
 
 _Propose = Callable[[Pose, Array], Pose]
 """Proposes other limbs for poses (axis ``n``) of the given frames; returns poses with axes ``n proposals``."""
@@ -282,8 +282,12 @@ def _fitted(
 
 def _proposed(pool: Pool, propose: _Propose, stack: Observed) -> Steps[Pool]:
     """All proposals for each hypothesis of a pool, with costs not computed yet."""
-    sizes = (1,) if length_of(stack) == 1 else (LIMBS_AT_ONCE,)
-    return pool_of((yield from in_chunks(propose, pool, sizes)), pool.frame)
+    return pool_of((yield from in_chunks(propose, pool, (limbs_at_once(stack),))), pool.frame)
+
+
+def limbs_at_once(stack: Observed) -> int:
+    """Number of poses for which limbs are proposed at once."""
+    return 1 if length_of(stack) == 1 else _LIMBS_AT_ONCE
 
 
 def _pairs_of(limbs: tuple[str, str], model: Model, search: Search, stack: Observed) -> _Propose:

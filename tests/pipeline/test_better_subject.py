@@ -1,10 +1,9 @@
 """A subject that becomes better: different frames are kept, and another process finds the subject in them."""
 
-from multiprocessing import Pipe
-
 import equinox as eqx
 import numpy as np
 import pytest
+from support.answering import Answering
 from support.recordings import graph_settings
 
 from jaxskel import Poses, Prepared, Recording, Stream, join_poses, prepare, reconstruct
@@ -15,32 +14,6 @@ from jaxskel.synthetic import camera_ring, make_scene
 pytestmark = pytest.mark.slow
 
 GRAPH = graph_settings()
-
-
-class Answering:
-    """Stands for a worker: it answers each task at once, or is dead if there is no answer left."""
-
-    answers: list[Prepared | Exception]
-    given: list[int]
-
-    def __init__(self, core: int, work: bytes):
-        self.pipe, self.theirs = Pipe()
-        self.process = self
-
-    def give(self, frames: np.ndarray) -> None:
-        self.given.append(len(frames))
-        if self.answers:
-            self.theirs.send(self.answers.pop(0))
-        else:
-            self.theirs.close()
-
-    def receive(self):
-        return self.pipe.recv()
-
-    def kill(self) -> None: ...
-
-    def end(self) -> None:
-        self.pipe.close()
 
 
 @pytest.fixture(scope="module")

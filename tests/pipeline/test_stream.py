@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.answering import Answering
 from support.recordings import graph_settings, with_known_body
 
 from jaxskel import (
@@ -122,6 +123,21 @@ def test_a_subject_nobody_knows_is_found(scene):
     assert poses.has_pose.all()
     assert poses.skeleton is not None
     assert poses.skeleton.stature == pytest.approx(ADULT.stature, rel=0.08)
+
+
+def test_the_first_pose_does_not_wait_for_all_that_is_known_about_the_subject(scene, monkeypatch):
+    monkeypatch.setattr("jaxskel.pipeline._better_subject.WorkerProcess", Answering)
+    Answering.answers, Answering.given = [], []
+    with Stream(scene.cameras, fps=scene.fps) as stream:
+        poses = stream.push(scene.silhouettes[0])
+        assert stream._better is not None
+        stream._better._giving.join()
+    assert poses.has_pose.all()
+    assert poses.skeleton is not None
+    assert poses.skeleton.stature == pytest.approx(ADULT.stature, rel=0.04)
+    assert scene.truth is not None
+    assert 1e3 * np.linalg.norm(poses.joints - scene.truth.joints[:1], axis=-1).max() < 80
+    assert Answering.given == [1]  # the same frame goes to the process that takes its time
 
 
 def test_somebody_else_who_comes_is_found_too(scene):

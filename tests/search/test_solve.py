@@ -13,8 +13,18 @@ from jaxskel import Pose
 from jaxskel._runtime.batching import on_device, single_precision
 from jaxskel.body import JOINT_NAMES, SEGMENT_NAMES
 from jaxskel.refinement.parametrisations import HingedLimbs
-from jaxskel.refinement.terms import place, volume_objective
-from jaxskel.search import Hypotheses, Search, fit_poses, fit_scales, make_model, solve_frames, turned_rivals
+from jaxskel.refinement.terms import Observed, place, volume_objective
+from jaxskel.search import (
+    Hypotheses,
+    Search,
+    fit_of,
+    fit_pool,
+    fit_scales,
+    make_model,
+    pool_of,
+    solve_frames,
+    turned_rivals,
+)
 from jaxskel.search._gauss_newton import descend
 from jaxskel.search._limb_search import with_limb
 from jaxskel.search._search import with_pairs, with_single
@@ -31,6 +41,13 @@ ON_HIPS = slice(6, 8)
 def farthest(joints: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Errors of the joints of each frame (m)."""
     return np.linalg.norm(joints - other, axis=-1).max(-1)
+
+
+def _fitted(poses: Pose, observed: Observed, *rounds: tuple[float, int]) -> Hypotheses:
+    """Hypotheses with axes ``frames hypotheses``, fitted in rounds (scales in metres, and steps)."""
+    frames, count = np.arange(len(poses.root)), poses.root.shape[1]
+    found = fit_pool(*fit_of(BODY), pool_of(poses, frames), on_device(observed), fit_scales(*rounds))
+    return found.rows(frames, count)
 
 
 @pytest.fixture(scope="module")
@@ -163,8 +180,7 @@ def test_without_steps_poses_are_only_ordered(filmed):
     truth = some(filmed.truth, frames)
     roots = truth.root[:, None] + off[..., None] * [0.6, 0.0, 0.8]
     poses = Pose(roots, np.repeat(truth.rotations[:, None], 7, 1))
-    model = make_model(BODY)
-    found = fit_poses(model.body, model.objective, poses, some(filmed.observed, frames), fit_scales((0.04, 0)))
+    found = _fitted(poses, some(filmed.observed, frames), (0.04, 0))
     assert found.cost.shape == (9, 7)
     expected = np.take_along_axis(roots, np.argsort(off, 1)[..., None], 1)
     np.testing.assert_allclose(found.poses.root, expected, atol=1e-6)
@@ -173,10 +189,8 @@ def test_without_steps_poses_are_only_ordered(filmed):
 
 
 def test_fits_come_back_to_the_truth(filmed):
-    model = make_model(BODY)
     off = Pose(filmed.truth.root + [0.03, -0.02, 0.02], filmed.truth.rotations)
-    scales = fit_scales((0.06, 4), (0.04, 4))
-    found = fit_poses(model.body, model.objective, some(off, np.s_[:, None]), filmed.observed, scales)
+    found = _fitted(some(off, np.s_[:, None]), filmed.observed, (0.06, 4), (0.04, 4))
     joints = joints_of(some(found.poses, (slice(None), 0)))
     assert farthest(joints, filmed.joints).max() < 0.05
     assert np.median(np.linalg.norm(joints - filmed.joints, axis=-1)) < 0.012
