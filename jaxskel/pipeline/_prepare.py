@@ -43,7 +43,7 @@ from ._settings import Settings, weight_of_priors
 from ._subject import OTHER_SIZES, Subject, find_subject
 from ._subject_frames import Sight, sight_of
 
-FindSubject = Callable[[Skeleton, Callable[[float], Prior], Sight, Search], Subject]
+FindSubject = Callable[[Skeleton, Callable[[float], Prior], Sight, Search, tuple[float, ...]], Subject]
 """`find_subject`, or `guess_subject` where nobody should wait."""
 SUBJECT_FRAMES = 24
 """Largest number of frames that a subject is found in."""
@@ -176,13 +176,10 @@ def with_subject(
     recording: Recording,
     settings: Settings,
     calibrate: bool,
-    find: FindSubject | None = None,
+    find: FindSubject = find_subject,
     at_once: int = FRAMES_PER_WORD,
 ) -> Prepared:
-    """The same with the subject as some frames show it; unchanged if they show nobody, or nothing is to be found.
-
-    Without `find`, the subject is looked for as thoroughly as can be, in other sizes than that of the graphs, too.
-    """
+    """The same with the subject as some frames show it; unchanged if they show nobody, or nothing is to be found."""
     calibrating = calibrate and settings.search is not None and settings.body is None
     if prepared.table is None or (prepared.skeleton_is_known and not calibrating):
         return prepared
@@ -207,12 +204,11 @@ def with_subject(
     known = prepared.skeleton_is_known
     if known:
         flesh = flesh_prior(skeleton)
-        subject = (find or find_subject)(skeleton, lambda _: flesh, sight, settings.search)
+        subject = find(skeleton, lambda _: flesh, sight, settings.search, ())
         # Exactly as given, not rounded.
         body = eqx.tree_at(lambda b: b.skeleton, subject.body, skeleton)
         return replace(prepared, body=body, costs=subject.costs, clothes=subject.clothes)
-    find = find or partial(find_subject, sizes=OTHER_SIZES)
-    subject = find(skeleton, partial(people_prior, skeleton), sight, settings.search)
+    subject = find(skeleton, partial(people_prior, skeleton), sight, settings.search, OTHER_SIZES)
     return replace(
         prepared, skeleton=subject.body.skeleton, body=subject.body, costs=subject.costs,
         stature_deviation=subject.stature_deviation, clothes=subject.clothes,

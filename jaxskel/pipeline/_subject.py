@@ -137,17 +137,33 @@ def find_subject(
     return _with_priors(subject, given) if both is None else _with_priors(*both[:2])
 
 
-def guess_subject(template: Skeleton, prior: Callable[[float], Prior], sight: Sight, search: Search) -> Subject:
+def guess_subject(
+    template: Skeleton,
+    prior: Callable[[float], Prior],
+    sight: Sight,
+    search: Search,
+    sizes: tuple[float, ...] = (),
+) -> Subject:
     """A first guess of a subject's body from one frame, in half a second; arguments are those of `find_subject`.
 
-    Thick clothes, luggage, long hair and other sizes are not looked for. Nor is there a wide search where poses cost
-    much: the usual body fits many people badly whom their own fits well.
+    Thick clothes, luggage and long hair are not looked for. Nor is there a wide search where poses cost much: the usual
+    body fits many people badly whom their own fits well.
     """
-    search = replace(search.without_rivals(), doubtful=np.inf)
-    given = Given(template, prior, sight, on_device(sight.observed, 1), search)
-    shape = prior(template.stature).mean
-    found = given.poses_of(shape, np.arange(len(sight.middles)))
-    return _with_priors(_settled(given, shape, found, lambda _: None, _GUESSES), given)
+    narrow, every = replace(search.without_rivals(), doubtful=np.inf), np.arange(len(sight.middles))
+    given = Given(template, prior, sight, on_device(sight.observed, 1), narrow)
+
+    def of_size(size: float) -> tuple[Shape, Hypotheses]:
+        shape = prior(size * template.stature).mean
+        return shape, given.poses_of(shape, every)
+
+    def settled(shape: Shape, found: Hypotheses) -> Subject:
+        return _settled(given, shape, found, lambda _: None, _GUESSES)
+
+    guess = settled(*of_size(1.0))
+    if sizes and _cost(guess) > search.doubtful_cost:
+        other = settled(*min(map(of_size, sizes), key=lambda tried: float(tried[1].cost[0, 0])))
+        guess = min(guess, other, key=_cost)
+    return _with_priors(guess, given)
 
 
 def _with_addition(
