@@ -54,9 +54,9 @@ class Stream:
     A frame without a person, or with one who cannot be reconstructed, has a status that says why, and the next one is
     searched in.
 
-    If the subject's body is not given, it is found in the first frame that shows the person, again if that is not who
-    comes then, and again, in another process, when more different frames have been seen. That process is spawned: a
-    script that makes such a stream needs ``if __name__ == "__main__":``, and should close it, or use it in a ``with``
+    If the subject's body is not given, it is guessed from the first frame that shows the person, and again if that is
+    not who comes then. Another process looks for it thoroughly, at first in that frame, and again when more different
+    ones have been seen. That process is spawned: a script that makes such a stream needs ``if __name__ == "__main__":``, and should close it, or use it in a ``with``
     statement.
 
     Args:
