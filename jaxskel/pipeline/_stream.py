@@ -56,8 +56,8 @@ class Stream:
 
     If the subject's body is not given, it is guessed from the first frame that shows the person, and again if that is
     not who comes then. Another process looks for it thoroughly, at first in that frame, and again when more different
-    ones have been seen. That process is spawned: a script that makes such a stream needs ``if __name__ == "__main__":``, and should close it, or use it in a ``with``
-    statement.
+    ones have been seen. That process is spawned: a script that makes such a stream needs
+    ``if __name__ == "__main__":``, and should close it, or use it in a ``with`` statement.
 
     Args:
         cameras: The rig, three cameras or more.
