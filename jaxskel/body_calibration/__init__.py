@@ -8,6 +8,7 @@ from ._additions import prior_with_addition as prior_with_addition
 from ._additions import usual_backpack as usual_backpack
 from ._additions import usual_hair as usual_hair
 from ._additions import with_addition as with_addition
+from ._bundle_adjustment import FIRST_SCALE as FIRST_SCALE
 from ._bundle_adjustment import bundle_adjust as bundle_adjust
 from ._bundle_adjustment import bundle_ahead as bundle_ahead
 from ._clothing import dressed as dressed

@@ -59,7 +59,7 @@ _INSIDE = _CONTOURS * INSIDE_OVER_OUTLINES
 SCALE = np.float32(0.018)
 # In the first steps the scale (m) is wider and narrows by this factor, so that thick clothes attract the body. Until it
 # is this narrow the lengths stay, because wide clothes would also be explained by a larger body.
-_FIRST_SCALE, _NARROWING, _LENGTHS_FROM = 0.12, 0.8, 0.05
+FIRST_SCALE, _NARROWING, _LENGTHS_FROM = 0.12, 0.8, 0.05
 # Factor on the rest prior: it helps where nothing is observed, but biases all lengths in the same direction.
 _REST = 0.3
 # Standard deviation of known joints from a chain of rigid bones (m).
@@ -114,6 +114,7 @@ def bundle_adjust(
     steps: int = 15,
     tolerance: float = 1e-3,
     joints: Float[np.ndarray, "stack joints 3"] | None = None,
+    first_scale: float = FIRST_SCALE,
 ) -> Adjusted:
     """Adjust a body and its poses to the silhouettes of many frames.
 
@@ -128,12 +129,13 @@ def bundle_adjust(
         tolerance: Stop when no length but those of the tips changes by more than this share.
         joints: Known joints in the world (m), of as many frames as `poses` has: from markers or a synthetic scene.
             None where they are not known.
+        first_scale: Robust scale of the first step (m), which narrows from there.
     """
     template = single_precision(template)
     known = None if joints is None else jnp.asarray(joints, jnp.float32)
     adjusted = Adjusted(shape, poses, np.diag(np.full(len(LENGTH_NAMES), np.inf)), np.inf, 0.0)
     frames, clothing, weight = np.flatnonzero(used), Clothing(), np.float32(_CONTOURS)
-    for scale in np.maximum(SCALE, _FIRST_SCALE * _NARROWING ** np.arange(steps)).astype(np.float32):
+    for scale in np.maximum(SCALE, first_scale * _NARROWING ** np.arange(steps)).astype(np.float32):
         adjusted, apart = _step(
             template, Prior(prior.mean, clothing.precision(prior)), adjusted, observed, frames, known, scale, weight
         )
