@@ -66,8 +66,9 @@ _CHEAPER = 0.9
 # of eight naked recordings (crowd p00 to p07) got nearly the same sizes, five of them in 22 to 39 % less time. In
 # clothes and with luggage, a new search finds other arms: with three cameras, 6 % of the hands were wrong, not 8 %.
 _TIGHT = 0.01
-# Robust scale of the first step of an adjustment that follows such a fit (m). Of 24 naked recordings (p00 to p07), statures
-# were 0.7 % off and bones 1.4 % whether it was this, 0.03, or as wide as in the first adjustment, which takes twice the steps.
+# Robust scale of the first step of an adjustment that follows such a fit (m). Of 24 naked recordings (p00 to p07),
+# statures were 0.7 % off and bones 1.4 % with this, with 0.03, and with the scale of the first adjustment, which takes
+# twice the steps.
 _NEARLY_RIGHT = 0.045
 
 
