@@ -44,25 +44,32 @@ def fit_of(body: Body, objective: GivenObjective = search_objective, prior: floa
     Raises:
         ValueError: The objective couples frames.
     """
-    objective = objective_of(objective, body).with_prior(prior)
-    if objective.couplings:
-        raise ValueError(
-            f"objective: a search looks at single frames, but {', '.join(objective.couplings)} couples them"
-        )
-    body = single_precision(body)
-    return _on_device((body, single_precision(objective.of_body(body))))
+    return _to_fit(body, _objective_of(body, objective, prior))
 
 
 def make_model(body: Body, objective: GivenObjective = search_objective, prior: float = 1.0) -> Model:
     """Prepare a subject for a search that minimises an objective; arguments and errors as of `fit_of`."""
-    on_device, given = fit_of(body, objective, prior)
+    whole = _objective_of(body, objective, prior)
+    ready, own = _to_fit(body, whole)
     body = single_precision(body)
     # The arms stay, but with negative radii, so that they touch nothing: one program fits both bodies.
     arms = limb_capsules("l_arm", "r_arm")
     balls = np.isin(np.arange(len(BALL_NAMES)), np.setdiff1d(LINKS[arms], LINKS[~arms]))
     armless = eqx.tree_at(lambda b: b.radii, body, np.where(balls, -9, body.radii))
-    limbs = {name: make_limb(body.skeleton, name, given) for name in _LIMBS}
-    return Model(on_device, _on_device(single_precision(armless)), _on_device(limbs), given)
+    limbs = {name: make_limb(body.skeleton, name, whole) for name in _LIMBS}
+    return Model(ready, _on_device(single_precision(armless)), _on_device(limbs), own)
+
+
+def _objective_of(body: Body, objective: GivenObjective, prior: float) -> Objective:
+    whole = objective_of(objective, body).with_prior(prior)
+    if whole.couplings:
+        raise ValueError(f"objective: a search looks at single frames, but {', '.join(whole.couplings)} couples them")
+    return whole
+
+
+def _to_fit(body: Body, objective: Objective) -> tuple[Body, Objective]:
+    body = single_precision(body)
+    return _on_device((body, single_precision(objective.of_body(body))))
 
 
 def _on_device(tree: Any) -> Any:
