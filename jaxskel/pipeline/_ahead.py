@@ -17,7 +17,7 @@ from ..refinement.terms import Observed
 from ..search import any_poses, fits_ahead, limbs_ahead, make_model
 from ._refine import refine_ahead
 from ._settings import Settings
-from ._subject import THINNED
+from ._settle_subject import THINNED
 from ._subject_frames import NO_PRIOR
 
 

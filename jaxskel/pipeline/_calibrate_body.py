@@ -27,8 +27,8 @@ from ._observe_batch import Observation, label_graphs, look_at_outlines, observe
 from ._prepare import check_given, prepare
 from ._prepared import Costs
 from ._settings import Settings
+from ._settle_subject import STAGES as SUBJECT_STAGES
 from ._subject import OTHER_SIZES, find_subject
-from ._subject import STAGES as SUBJECT_STAGES
 from ._subject_frames import Sight, sight_of
 
 FRAMES = 60

@@ -40,7 +40,8 @@ from ._ahead import compile_ahead
 from ._observe_batch import label_graphs, observe_batch
 from ._prepared import Prepared
 from ._settings import Settings, weight_of_priors
-from ._subject import OTHER_SIZES, Subject, find_subject
+from ._settle_subject import Subject
+from ._subject import OTHER_SIZES, find_subject
 from ._subject_frames import Sight, sight_of
 
 FindSubject = Callable[[Skeleton, Callable[[float], Prior], Sight, Search, tuple[float, ...]], Subject]

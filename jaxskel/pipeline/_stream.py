@@ -20,12 +20,12 @@ from ..search import Track, Tracking, before_next, hurried, lost, over_gap, sear
 from ._ahead import compile_ahead
 from ._better_subject import BetterSubject
 from ._coupled_batches import check_apart
+from ._guess_subject import guess_subject
 from ._moving_grid import MovingGrid, grid_around
 from ._prepare import place, scale_for, with_grid, with_model, with_subject
 from ._prepared import Prepared
 from ._reconstruct import reconstruct_batch
 from ._settings import Settings
-from ._subject import guess_subject
 
 # Edge of the voxels (m) where the silhouettes decide between the poses that the graph proposes: finer ones do not make
 # them better, see `HullSettings.spacing`, but take longer.
