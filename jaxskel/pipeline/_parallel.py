@@ -11,9 +11,10 @@ from ..poses import Poses
 from ..recording import Recording
 from ..search import Track
 from ._coupled_batches import check_apart
+from ._film_decision import RefinedBatch, decided
 from ._prepare import check_given, prepare
 from ._prepared import Prepared
-from ._reconstruct import BATCH, reconstruct_batch
+from ._reconstruct import BATCH, refined_batch
 from ._settings import Settings
 
 
@@ -48,7 +49,8 @@ def reconstruct_parallel(
     stretches = _stretches(len(recording), jobs, settings)
     crew = [WorkerProcess(core, work) for core in range(min(jobs, len(stretches)))]
     try:
-        yield from _in_order(crew, recording, stretches)
+        for poses, _ in decided(_in_order(crew, recording, stretches)):
+            yield poses
     except EOFError:
         raise MemoryError(
             f"one of {jobs} processes was killed, probably out of memory: each takes 1 to 2 GB; give fewer jobs"
@@ -67,8 +69,10 @@ def _stretches(frames: int, jobs: int, settings: Settings) -> list[list[int]]:
     return [starts[first : first + size] for first in range(0, len(starts), size)]
 
 
-def _in_order(crew: Sequence[WorkerProcess], recording: Recording, stretches: list[list[int]]) -> Iterator[Poses]:
-    """Give each process a batch of a stretch at a time, and yield the poses in order."""
+def _in_order(
+    crew: Sequence[WorkerProcess], recording: Recording, stretches: list[list[int]]
+) -> Iterator[RefinedBatch]:
+    """Give each process a batch of a stretch at a time, and yield what they did in order."""
 
     def give(worker: WorkerProcess, track: Track | None) -> None:
         start = at_work[worker][0]
@@ -76,7 +80,7 @@ def _in_order(crew: Sequence[WorkerProcess], recording: Recording, stretches: li
 
     waiting = iter(stretches)
     at_work: dict[WorkerProcess, list[int]] = {}
-    done: dict[int, Poses] = {}
+    done: dict[int, RefinedBatch] = {}
     coming = 0
     for worker, stretch in zip(crew, waiting, strict=False):
         at_work[worker] = stretch
@@ -87,17 +91,16 @@ def _in_order(crew: Sequence[WorkerProcess], recording: Recording, stretches: li
             message = worker.receive()
             if isinstance(message, Exception):
                 raise message
-            poses, track = message
             start, *rest = at_work.pop(worker)
-            done[start] = poses
+            done[start] = message
             # Batches of a stretch follow one another; the first of the next stretch starts without a track.
             if stretch := rest or next(waiting, None):
                 at_work[worker] = stretch
-                give(worker, track if rest else None)
+                give(worker, message.track if rest else None)
         while coming in done:
-            poses = done.pop(coming)
-            coming += len(poses)
-            yield poses
+            batch = done.pop(coming)
+            coming += len(batch.seen.status)
+            yield batch
 
 
 class _ReconstructBatch(eqx.Module):
@@ -107,9 +110,9 @@ class _ReconstructBatch(eqx.Module):
     settings: Settings
 
     def __call__(self, task: tuple[Recording, Track | None], send: Callable[[Any], None]) -> None:
-        """Reconstruct and send the poses and the track, or the exception."""
+        """Refine a batch and send it, or the exception."""
         part, track = task
         try:
-            send(reconstruct_batch(part, self.prepared, self.settings, track=track))
+            send(refined_batch(part, self.prepared, self.settings, track=track))
         except Exception as error:
             send(error)

@@ -2,19 +2,22 @@
 
 from collections.abc import Iterator
 from contextlib import nullcontext
+from dataclasses import replace
 
 from ..hull import FRAMES_PER_WORD, Stopwatch
 from ..poses import Poses, join_poses
 from ..recording import Recording
+from ..refinement import Refined
 from ..refinement.terms import Objective
 from ..search import Track
-from ._assemble import assemble, frames_of
+from ._assemble import frames_of
 from ._coupled_batches import Started, coupled_batches
+from ._film_decision import RefinedBatch, decided
 from ._prepare import check_given, prepare
 from ._prepared import Prepared
 from ._refine import refine
 from ._settings import Settings
-from ._start import start_of
+from ._start import Start, start_of, start_other_way
 
 BATCH = FRAMES_PER_WORD
 
@@ -33,14 +36,36 @@ def reconstruct_batch(
 
     `at_once` is the number of frames that programs are compiled for: 32, or 1 for frames that come one by one.
     """
+    return next(decided(iter([refined_batch(part, prepared, settings, stopwatch, track, at_once)])))
+
+
+def refined_batch(
+    part: Recording,
+    prepared: Prepared,
+    settings: Settings,
+    stopwatch: Stopwatch = lambda _: nullcontext(),
+    track: Track | None = None,
+    at_once: int = BATCH,
+) -> RefinedBatch:
+    """As `reconstruct_batch`, but later batches may decide which way the person faces."""
     objective = settings.refinement.objective_for(prepared.body)
-    seen, start, track = start_of(part, prepared, settings, objective, track, stopwatch, at_once)
-    refined = None
-    if start is not None:
+    seen, start, after = start_of(part, prepared, settings, objective, track, stopwatch, at_once)
+
+    def refined(start: Start) -> Refined:
         with stopwatch("refine"):
-            refined = refine(start.poses, start.observed, prepared.skeleton, objective, settings.refinement)
-    frames = frames_of(part, prepared, settings)
-    return assemble(frames, prepared.skeleton, seen, start, refined, prepared.stature_deviation), track
+            return refine(start.poses, start.observed, prepared.skeleton, objective, settings.refinement)
+
+    one_way, other = None, None
+    if start is not None:
+        one_way = refined(start)
+        if start.fork is not None:
+            turned = start_other_way(start, prepared)
+            other = turned._replace(observed=None), refined(turned)
+        start = start._replace(observed=None)
+    frames, people = frames_of(part, prepared, settings), replace(seen, hulls=None)
+    return RefinedBatch(
+        frames, people, start, one_way, after, track is None, prepared.skeleton, prepared.stature_deviation, other
+    )
 
 
 def reconstruct_batches(
@@ -97,12 +122,20 @@ def batches_from(
         stopwatch: Times the stages.
 
     Returns:
-        Poses of the batches, each with the tracking state for the next one.
+        Poses of the batches, each with the tracking state for the next one. Where a second track faces the other way,
+        they come as soon as later batches cannot change them any more, see `decided`.
     """
+    yield from decided(_refined(first, track, recording, settings, prepared, stopwatch))
+
+
+def _refined(
+    first: int, track: Track | None, recording: Recording, settings: Settings, prepared: Prepared, stopwatch: Stopwatch
+) -> Iterator[RefinedBatch]:
+    """All batches from a frame on, after their refinement."""
     for start in range(first, len(recording), BATCH):
-        part = recording[start : start + BATCH]
-        poses, track = reconstruct_batch(part, prepared, settings, stopwatch, track)
-        yield poses, track
+        batch = refined_batch(recording[start : start + BATCH], prepared, settings, stopwatch, track)
+        track = batch.track
+        yield batch
 
 
 def reconstruct(recording: Recording, settings: Settings | None = None) -> Poses:

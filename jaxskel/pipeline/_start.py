@@ -1,6 +1,5 @@
 """Start poses of the refinement of a batch: from the labelled graph, or the best ones of a search."""
 
-from collections.abc import Callable
 from contextlib import nullcontext
 from typing import NamedTuple
 
@@ -8,28 +7,25 @@ import jax
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from .._math.gaussians import deviation_for
 from .._runtime.batching import length_of, on_device, padded, single_precision, take
 from .._runtime.steps import Steps
-from ..body import HUMAN_15, JOINT_NAMES, Body, Pose, Skeleton, place_joints
+from ..body import HUMAN_15, Body, Pose, Skeleton
 from ..graph import SkeletalGraph, forest_of
 from ..hull import FRAMES_PER_WORD, Seen, Stopwatch, middles_of_people
-from ..matching import L_FOOT, R_FOOT, Limbs, joint_confidence, template_ends
+from ..matching import L_FOOT, R_FOOT, Limbs, template_ends
 from ..recording import Recording
-from ..refinement import Refined
 from ..refinement.terms import Objective, Observed
 from ..search import (
     NOT_THE_SUBJECT,
-    SAME_PLACE,
+    Fork,
     Hypotheses,
     Model,
     Proposed,
     Search,
     Searched,
     Track,
-    Uncertainty,
     begun,
-    cost_threshold,
+    decide,
     doubt_arises,
     follow_frame,
     graphless_poses,
@@ -38,13 +34,11 @@ from ..search import (
     must_be_found,
     search_in_doubt,
     search_is_due,
-    searched_uncertainty,
     solve_frames,
     solving,
     start_poses,
     target_poses,
     track_frames,
-    turned_rivals,
     unexplained_shares,
 )
 from ._evidence import observed_graph
@@ -52,6 +46,7 @@ from ._observe_batch import Labelled, Observation, draw_graphs, label_graphs, lo
 from ._prepare import model_of
 from ._prepared import Prepared
 from ._settings import Settings
+from ._uncertainties import TrustInGraph, TrustInSearch, trust_in_search
 
 # A body whose path lengths from head to feet differ from the template's by more than this share is not this person, or
 # only a part of a person.
@@ -60,24 +55,22 @@ _LEG_TOLERANCE = 0.3
 _FARTHEST = 1.6
 
 
-# Confidences beyond these say no more about how far a joint may be off.
-_LEAST_TRUST, _MOST_TRUST = 0.05, 0.95
-
-
 class Start(NamedTuple):
     """Start poses of the refinement, and what is known before it.
 
     Attributes:
         observed: On the device, padded by `on_device`.
         hypotheses: All that the search found; None without a search.
+        fork: Two tracks, between which later frames may decide again, see `track_frames`.
     """
 
     poses: Pose
     observed: Observed
     plausible: Bool[np.ndarray, " frames"]
     sides: Float[np.ndarray, " frames"]
-    uncertainty: Callable[[Refined], Uncertainty]
+    uncertainty: TrustInGraph | TrustInSearch
     hypotheses: Hypotheses | None = None
+    fork: Fork | None = None
 
 
 def start_of(
@@ -122,16 +115,10 @@ def start_by_graph(labelled: Labelled, at_once: int, data: dict[str, Float[Array
     """Start from the poses of the labelled graphs (Sect. 3.3)."""
     graphs, skeleton, limbs, facing, sides = labelled
 
-    def uncertainty(refined: Refined) -> Uncertainty:
-        trust = joint_confidence(np.asarray(refined.joints), np.asarray(refined.tips), limbs, skeleton)
-        # The same in all directions, and as wide as the confidence says.
-        variance = deviation_for(SAME_PLACE, np.clip(trust, _LEAST_TRUST, _MOST_TRUST)) ** 2
-        return Uncertainty((variance[..., None, None] * np.eye(3)).astype(np.float32), trust)
-
     human = skeleton.template == HUMAN_15
     poses = initial_poses(limbs, facing, skeleton) if human else target_poses(limbs, skeleton)
     observed = on_device(observed_graph(limbs, data), at_once)
-    return Start(poses, observed, _plausible(graphs, limbs, skeleton), sides, uncertainty)
+    return Start(poses, observed, _plausible(graphs, limbs, skeleton), sides, TrustInGraph(limbs, skeleton))
 
 
 def _by_search(
@@ -163,11 +150,11 @@ def _by_search(
         if settings.tracking is None:
             starts, sides = propose(np.arange(len(seen.frames)))
             hypotheses = solve_frames(model, search, starts, fallback, observed)
-        else:
-            tracking = settings.tracking.for_subject(prepared.clothes, fps)
-            hypotheses, sides, track = track_frames(model, search, tracking, fps, track, propose, fallback, observed)
-        start = _start_from(hypotheses, observed, sides, prepared)
-    return start, track
+            return start_from(hypotheses, observed, sides, prepared), track
+        tracking = settings.tracking.for_subject(prepared.clothes, fps)
+        followed = track_frames(model, search, tracking, fps, track, propose, fallback, observed)
+        start = start_from(followed.found, observed, followed.sides, prepared)
+        return start._replace(fork=followed.fork), followed.track
 
 
 def _by_following(
@@ -209,15 +196,14 @@ def _by_following(
         if followed is None:
             return None
         if due:
-            followed = *followed[:2], begun(followed[2], followed[0], steps())
-        elif not track.hurried and doubt_arises(tracking, frame.fps, followed[2]):
+            followed = followed._replace(track=begun(followed.track, followed.found, steps()))
+        elif not track.hurried and doubt_arises(tracking, frame.fps, followed.track):
             found = observe_batch(
                 frame, prepared, settings, label=False, outlines=False, stopwatch=stopwatch, at_once=1
             )  # fmt: skip
             if len(found.seen.frames):
                 followed = search_in_doubt(model, tracking, track, followed, steps(), observed)
-        hypotheses, sides, track = followed
-        return seen, _start_from(hypotheses, observed, sides, prepared), track
+        return seen, start_from(followed.found, observed, followed.sides, prepared), followed.track
 
 
 def _search_of(settings: Settings, prepared: Prepared) -> Search:
@@ -227,22 +213,19 @@ def _search_of(settings: Settings, prepared: Prepared) -> Search:
     return settings.search if costs is None else settings.search.relative_to(costs.low, costs.typical)
 
 
-def _start_from(
-    found: Hypotheses, observed: Observed, sides: Float[np.ndarray, " frames"], prepared: Prepared
-) -> Start:
+def start_from(found: Hypotheses, observed: Observed, sides: Float[np.ndarray, " frames"], prepared: Prepared) -> Start:
     """Start from the cheapest hypotheses; `observed` is on the device."""
-    costs, skeleton = prepared.costs, prepared.skeleton
     unexplained = _unexplained(found.best, observed, prepared.body)
-    unusual = cost_threshold(None if costs is None else costs.typical)
-    away, turned = _away(found, skeleton, length_of(observed)), turned_rivals(found)
+    trust = trust_in_search(found, observed, unexplained, prepared)
+    return Start(found.best, observed, unexplained < NOT_THE_SUBJECT, sides, trust, found)
 
-    def uncertainty(refined: Refined) -> Uncertainty:
-        return searched_uncertainty(
-            away, found.cost, np.asarray(refined.covariance), unusual, unexplained, prepared.clothes, prepared.worn,
-            turned,
-        )  # fmt: skip
 
-    return Start(found.best, observed, unexplained < NOT_THE_SUBJECT, sides, uncertainty, found)
+def start_other_way(start: Start, prepared: Prepared) -> Start:
+    """Start from the other of two tracks in each frame."""
+    assert start.fork is not None
+    decided = decide([start.fork])
+    found = start.fork.hypotheses(1 - decided.path, decided.through)
+    return start_from(found, start.observed, start.sides, prepared)
 
 
 def _unexplained(poses: Pose, observed: Observed, body: Body) -> Float[np.ndarray, " frames"]:
@@ -250,17 +233,6 @@ def _unexplained(poses: Pose, observed: Observed, body: Body) -> Float[np.ndarra
     assert observed.contours is not None
     shares = unexplained_shares(single_precision(body), padded(poses, length_of(observed)), observed.contours)
     return np.asarray(shares)[: len(poses.root)]
-
-
-def _away(found: Hypotheses, skeleton: Skeleton, at_once: int) -> Float[np.ndarray, "frames hypotheses joints 3"]:
-    """Where the joints of all hypotheses are, relative to those of the first (m)."""
-    count, hypotheses = found.cost.shape
-    if hypotheses == 1:
-        return np.zeros((count, 1, len(JOINT_NAMES), 3), np.float32)
-    poses = jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:]), padded(found.poses, at_once))
-    joints = np.asarray(place_joints(single_precision(skeleton), poses)[0])
-    joints = joints.reshape(at_once, hypotheses, *joints.shape[1:])[:count]
-    return joints - joints[:, :1]
 
 
 def _plausible(graphs: list[SkeletalGraph], limbs: Limbs, skeleton: Skeleton) -> Bool[np.ndarray, " frames"]:

@@ -49,13 +49,23 @@ def cheapest_path(
         jumps: Cost of changing from a track to another one after each frame.
         first: Cost of beginning on each track.
     """
-    frames = len(costs)
+    totals, paths = cheapest_paths(costs, jumps, first)
+    return paths[totals.argmin()]
+
+
+def cheapest_paths(
+    costs: Float[np.ndarray, "frames tracks"],
+    jumps: Float[np.ndarray, "frames tracks tracks"],
+    first: Float[np.ndarray, " tracks"],
+) -> tuple[Float[np.ndarray, " tracks"], Int[np.ndarray, "tracks frames"]]:
+    """For each track, the summed cost of the cheapest path that ends on it, and that path; see `cheapest_path`."""
+    frames, tracks = costs.shape
     total, came = _totals(costs, jumps, first)
-    path = np.zeros(frames, int)
-    path[-1] = total[-1].argmin()
+    paths = np.zeros((tracks, frames), int)
+    paths[:, -1] = np.arange(tracks)
     for frame in range(frames - 1, 0, -1):
-        path[frame - 1] = came[frame, path[frame]]
-    return path
+        paths[:, frame - 1] = came[frame, paths[:, frame]]
+    return total[-1], paths
 
 
 def costs_through(

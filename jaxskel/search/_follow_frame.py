@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import jax
 import numpy as np
-from jaxtyping import Float
 
 from .._runtime.batching import on_device
 from .._runtime.steps import Steps
@@ -19,16 +18,13 @@ from ._fit import fit_pool
 from ._hypotheses import Hypotheses, Pool, pool_of
 from ._model import Model
 from ._search import cost_threshold
-from ._track import state_after
+from ._track import Followed, state_after
 from ._track_state import Ongoing, Searched, Track, Tracking, between_searches
 
 # A pose that costs more than this many times what few frames of the subject cost is not followed any further.
 _ASTRAY = 1.5
 # Steps of a search that began in doubt: in the frame in which it began, which is enough for most, and in later ones.
 _AT_ONCE, _IN_DOUBT = 30, 4
-
-Followed = tuple[Hypotheses, Float[np.ndarray, "frames=1"], Track]
-"""The same as `track_frames` returns: the pose, the confidence in left and right, and the new state."""
 
 
 def follow_frame(model: Model, tracking: Tracking, track: Track, observed: Observed) -> Followed | None:
@@ -64,9 +60,9 @@ def search_in_doubt(
         observed: A stack of this frame.
     """
     stack = on_device(observed, 1)
-    after, offer = _searched_on(model, tracking, begun(followed[2], followed[0], steps), stack, _AT_ONCE)
+    after, offer = _searched_on(model, tracking, begun(followed.track, followed.found, steps), stack, _AT_ONCE)
     if offer is None:
-        return followed[0], np.array([after.sides]), after
+        return Followed(followed.found, np.array([after.sides]), after)
     track = replace(track, since=after.since - 1, sides=after.sides)
     return _result(track, _followed(model, tracking, track, stack, offer), after.ongoing)
 
@@ -80,7 +76,7 @@ def _followed(model: Model, tracking: Tracking, track: Track, stack: Observed, o
 
 def _result(track: Track, found: Hypotheses, ongoing: Ongoing | None) -> Followed:
     after = state_after(track, found, track.since + 1, track.sides)
-    return found, np.array([track.sides]), replace(after, ongoing=ongoing)
+    return Followed(found, np.array([track.sides]), replace(after, ongoing=ongoing))
 
 
 def _searched_on(

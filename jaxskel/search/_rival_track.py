@@ -8,13 +8,14 @@ from dataclasses import replace
 
 import jax
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from .._runtime.batching import take
 from ..refinement.terms import Observed
 from ._best_track import best_track, places_of
-from ._cheapest_path import cheapest_path, costs_through, jump_costs
+from ._cheapest_path import jump_costs
 from ._facing import angles_between, left_of, turned_round
+from ._fork import Fork, decide
 from ._hypotheses import Hypotheses, Pool
 from ._model import Model
 from ._track_state import Rival, Track, Tracking, between_searches, last_two
@@ -31,7 +32,7 @@ def with_rival(
     found: Hypotheses,
     offers: Pool,
     stack: Observed,
-) -> tuple[Hypotheses, Rival | None]:
+) -> tuple[Hypotheses, Rival | None, Fork | None]:
     """Choose in each frame between a track and one that faces the other way.
 
     Args:
@@ -44,31 +45,25 @@ def with_rival(
         stack: Observations, on the device.
 
     Returns:
-        Three hypotheses for each frame: the chosen one; that of the other track, which costs as much more as the
-        cheapest path through it, divided by the frames between two searches, because the costs of so many err alike;
-        and the second of the chosen track. And the state of the other track, None where it costs too much to go on.
-        `found` and None, if nothing faces the other way.
+        Three hypotheses for each frame, see `Fork`: the choice by these frames and those before; the state of the other
+        track, None where it costs too much to go on; and the two tracks, so that later frames may choose again. `found`
+        and twice None, if nothing faces the other way.
     """
     away = np.asarray(turned_round(left_of(offers.poses), left_of(found.best)[offers.frame]))
     known = None if track is None else track.rival
     if known is None:
         known = _begun(tracking, track, take(offers, away & np.isfinite(offers.cost)))
     if known is None:
-        return found, None
+        return found, None, None
     opposite = replace(offers, cost=np.where(away, offers.cost, np.float32(np.inf)))
     state = Track(known.last, known.before, 0, np.zeros(0))
     other = best_track(model, tracking.with_turns(tracking.margin), state, opposite, stack)
-    both, second = (_stacked(found, other, which) for which in (0, 1))
+    both, seconds = (_stacked(found, other, which) for which in (0, 1))
     places = np.stack([places_of(model, tracks.best) for tracks in (found, other)], 1)
     jumps = _costs_of_turns(tracking, fps, np.asarray(left_of(both.poses)), places)
-    paths = both.cost, jumps, np.array([0.0, known.excess])
-    chosen, through = cheapest_path(*paths), costs_through(*paths)
-    ordered = both.ordered(np.stack([chosen, 1 - chosen], 1))
-    excess = np.ptp(through, axis=1)
-    poses = jax.tree.map(lambda a, b: np.concatenate([a, b], 1), ordered.poses, second.ordered(chosen[:, None]).poses)
-    best, rows = ordered.cost[:, 0], np.arange(len(chosen))
-    cost = np.stack([best, best + excess / between_searches(tracking, fps), second.cost[rows, chosen]], 1)
-    return Hypotheses(poses, cost.astype(np.float32)), _rival_after(tracking, ordered, float(excess[-1]))
+    fork = Fork(both, seconds, jumps, np.array([0.0, known.excess]), between_searches(tracking, fps))
+    path, through, _ = decide([fork])
+    return fork.hypotheses(path, through), _rival_after(tracking, fork, path, through), fork
 
 
 def _costs_of_turns(
@@ -99,12 +94,19 @@ def _begun(tracking: Tracking, track: Track | None, offers: Pool) -> Rival | Non
     return Rival(first, first, 0.0 if track is None else tracking.turn_margin)
 
 
-def _rival_after(tracking: Tracking, tracks: Hypotheses, excess: float) -> Rival | None:
-    """The other track after the last frame, if it goes on."""
-    left = left_of(tracks.poses)[-1]
+def _rival_after(
+    tracking: Tracking,
+    fork: Fork,
+    path: Int[np.ndarray, " frames"],
+    through: Float[np.ndarray, "frames tracks=2"],
+) -> Rival | None:
+    """The other track than a path after the last frame, if it goes on."""
+    others = fork.both.ordered(1 - path[:, None]).best
+    excess = float(np.ptp(through[-1]))
+    left = left_of(jax.tree.map(lambda a: a[-1], fork.both.poses))
     if excess >= tracking.turn_margin or not turned_round(left[0], left[1]):
         return None
-    return Rival(*last_two(jax.tree.map(lambda a: a[:, 1], tracks.poses)), excess)
+    return Rival(*last_two(others), excess)
 
 
 def _stacked(found: Hypotheses, other: Hypotheses, which: int) -> Hypotheses:

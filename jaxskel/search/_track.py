@@ -13,6 +13,7 @@ from ..body import Pose
 from ..refinement.terms import Observed
 from ._best_track import best_track, last_place, places_of
 from ._facing import cheapest_each_way
+from ._fork import Fork
 from ._hypotheses import Hypotheses, Pool, pool_of
 from ._model import Model
 from ._rival_track import with_rival
@@ -23,6 +24,7 @@ from ._track_state import Track, Tracking, between_searches, last_two, must_be_f
 _RECENT = 90
 # If a joint moves farther than this between two frames (m), the track may be lost, and the frame is searched in.
 _FAR = 0.2
+_ROUNDS = 3
 
 
 class Proposed(NamedTuple):
@@ -37,6 +39,23 @@ class Proposed(NamedTuple):
     sides: Float[np.ndarray, " frames"]
 
 
+class Followed(NamedTuple):
+    """Poses of consecutive frames.
+
+    Attributes:
+        found: Two hypotheses for each frame, the chosen one first; one in a stack of one frame; or three where another
+            track faces the other way, see `Fork`.
+        sides: Confidence of the latest search that left and right are not exchanged (0.5..1).
+        track: The new state.
+        fork: Both tracks where another one faces the other way: later frames may choose again.
+    """
+
+    found: Hypotheses
+    sides: Float[np.ndarray, " frames"]
+    track: Track
+    fork: Fork | None = None
+
+
 def track_frames(
     model: Model,
     search: Search,
@@ -46,7 +65,7 @@ def track_frames(
     propose: Callable[[Int[np.ndarray, " some"]], Proposed],
     fallback: Pose,
     observed: Observed,
-) -> tuple[Hypotheses, Float[np.ndarray, " frames"], Track]:
+) -> Followed:
     """Estimate the poses of consecutive frames: of up to 32, or of one that arrives by itself.
 
     A full search runs at regular intervals, in frames that cost more than is usual for the subject, and in frames where
@@ -63,11 +82,6 @@ def track_frames(
         propose: Returns the start poses for the given frame indices.
         fallback: As for `solve_frames`.
         observed: Outlines and silhouettes, with a leading axis ``frames``, see `on_device`.
-
-    Returns:
-        Two hypotheses for each frame, the chosen one first, or one in a stack of one frame, or three where another
-        track faces the other way, see `with_rival`; the confidence of the latest search in left and right (0.5..1); and
-        the new tracking state.
     """
     count = len(fallback.root)
     period = between_searches(tracking, fps)
@@ -91,18 +105,20 @@ def track_frames(
     two_tracks = search.looks_both_ways and count > 1
     ahead = tracking.with_turns(np.inf) if two_tracks else tracking
     found = best_track(model, ahead, track, offers, stack)
-    lost = np.setdiff1d(np.flatnonzero(suspicious(model, track, found)), searched)
-    if len(lost):
-        offers = offers.joined(searched_in(lost))
+    for _ in range(_ROUNDS):
+        lost = np.setdiff1d(np.flatnonzero(suspicious(model, track, found)), searched)
+        if len(lost) == 0:
+            break
+        searched, offers = np.union1d(searched, lost), offers.joined(searched_in(lost))
         found = best_track(model, ahead, track, offers, stack)
-    rival = None
+    rival, fork = None, None
     if two_tracks:
-        found, rival = with_rival(model, tracking, fps, track, found, offers, stack)
+        found, rival, fork = with_rival(model, tracking, fps, track, found, offers, stack)
     # Each frame takes the confidence of the latest search before it.
     latest = np.maximum.accumulate(np.where(np.isnan(sides), -1, np.arange(count)))
     sides = np.where(latest >= 0, sides[latest], 0.5 if track is None else track.sides)
     after = state_after(track, found, (since + count) % period, float(sides[-1]))
-    return found, sides, replace(after, rival=rival)
+    return Followed(found, sides, replace(after, rival=rival), fork)
 
 
 def suspicious(model: Model, track: Track | None, found: Hypotheses) -> Bool[np.ndarray, " frames"]:

@@ -14,7 +14,6 @@ import pytest
 
 from jaxskel import (
     Pose,
-    Poses,
     RefinementSettings,
     Settings,
     Stream,
@@ -25,7 +24,10 @@ from jaxskel import (
     reconstruct_parallel,
 )
 from jaxskel._runtime.worker_processes import WorkerProcess
+from jaxskel.hull import Seen
 from jaxskel.pipeline import _parallel as parallel
+from jaxskel.pipeline._assemble import FramesOf
+from jaxskel.pipeline._film_decision import RefinedBatch
 from jaxskel.refinement.terms import paper_objective
 from jaxskel.search import Track
 from jaxskel.synthetic import camera_ring, make_scene
@@ -84,7 +86,7 @@ def test_an_exception_of_a_process_is_raised_here(monkeypatch):
     def broken(*_, **__):
         raise ValueError("camera 2: no silhouettes")
 
-    monkeypatch.setattr(parallel, "reconstruct_batch", broken)
+    monkeypatch.setattr(parallel, "refined_batch", broken)
     monkeypatch.setattr(parallel, "WorkerProcess", WorkerThread)
     scene = make_scene(4, cameras=camera_ring(4, size=(160, 120)))
     with pytest.raises(ValueError, match="camera 2: no silhouettes"):
@@ -127,11 +129,11 @@ def test_batches_come_in_order_and_tracks_are_handed_on(monkeypatch):
         time.sleep(0.02 if start < 64 else 0.0)  # the first batches finish last
         followed.append((track and track.since, start))
         count = len(part)
-        empty = np.full((count, 15, 3), np.nan, np.float32), np.full((count, 5, 3), np.nan, np.float32)
-        trust = np.zeros((count, 15), np.float32), np.full(count, 0.5, np.float32)
-        return Poses(*empty, None, None, *trust, np.full(count, start), 30.0, "+Z", part.frame_index), at(start)
+        nobody = Seen(np.full(count, start), np.zeros(0, int), np.zeros((count, 4), bool), None)
+        frames = FramesOf(np.eye(3), "+Z", 30.0, part.frame_index)
+        return RefinedBatch(frames, nobody, None, None, at(start), track is None, scene.skeleton)
 
-    monkeypatch.setattr(parallel, "reconstruct_batch", batch)
+    monkeypatch.setattr(parallel, "refined_batch", batch)
     monkeypatch.setattr(parallel, "WorkerProcess", WorkerThread)
     monkeypatch.setattr(parallel, "_stretches", lambda *_: [[0, 32], [64, 96], [128], [160, 192]])
     found = list(reconstruct_parallel(scene, 2, paper_settings()))

@@ -59,8 +59,8 @@ def test_a_search_is_put_off_in_a_hurry(filmed):
     for _ in range(4):  # more than the search has steps
         followed = follow_frame(make_model(BODY), Tracking(), hurried(track), stack)
         assert followed is not None
-        assert followed[2].ongoing is not None
-        assert followed[2].ongoing.steps is track.ongoing.steps
+        assert followed.track.ongoing is not None
+        assert followed.track.ongoing.steps is track.ongoing.steps
     assert next(track.ongoing.steps) is None
 
 
@@ -112,7 +112,7 @@ def test_a_search_rests_in_every_other_frame_while_all_is_as_usual(filmed, cost,
     while track.ongoing is not None:
         followed = follow_frame(make_model(BODY), Tracking(), replace(track, costs=costs), stack)
         assert followed is not None
-        track = followed[2]
+        track = followed.track
         taken += 1
     assert taken == frames
 
@@ -123,14 +123,14 @@ def test_doubt_is_searched_for_at_once(filmed):
     stack = on_device(some(filmed.observed, [6]), 1)
     followed = follow_frame(model, Tracking(), before, stack)
     assert followed is not None
-    assert not doubt_arises(Tracking(), FPS, followed[2])
-    raised = raised_arm(followed[2].last)
-    doubtful = replace(followed[2], last=raised, costs=np.append(before.costs, 15.0))
+    assert not doubt_arises(Tracking(), FPS, followed.track)
+    raised = raised_arm(followed.track.last)
+    doubtful = replace(followed.track, last=raised, costs=np.append(before.costs, 15.0))
     assert doubt_arises(Tracking(), FPS, doubtful)
     assert not doubt_arises(Tracking(), FPS, replace(doubtful, since=2))
-    wrong = replace(followed[0], poses=jax.tree.map(lambda a: a[None, None], raised), cost=np.full((1, 1), 15.0))
-    found, sides, after = search_in_doubt(
-        model, Tracking(), before, (wrong, followed[1], doubtful), found_at(truth, 3.0), stack
+    wrong = replace(followed.found, poses=jax.tree.map(lambda a: a[None, None], raised), cost=np.full((1, 1), 15.0))
+    found, sides, after, _ = search_in_doubt(
+        model, Tracking(), before, followed._replace(found=wrong, track=doubtful), found_at(truth, 3.0), stack
     )  # fmt: skip
     assert after.ongoing is None
     assert after.since == 0
@@ -143,7 +143,7 @@ def test_a_walk_is_followed_and_a_jump_is_astray(filmed):
     for frame in range(1, 5):
         found = follow_frame(model, Tracking(), track, on_device(some(filmed.observed, [frame]), 1))
         assert found is not None
-        hypotheses, _, track = found
+        hypotheses, _, track, _ = found
         assert np.linalg.norm(joints_of(hypotheses.best)[0] - filmed.joints[frame], axis=-1).max() < 0.08
     away = eqx.tree_at(lambda t: t.last.root, track, track.last.root + np.float32([0.6, 0, 0]))
     assert follow_frame(model, Tracking(), away, on_device(some(filmed.observed, [5]), 1)) is None

@@ -22,7 +22,7 @@ def filmed() -> Filmed:
 
 def followed(filmed: Filmed, track: Track | None, frames: slice = slice(None)):
     starts, fallback, observed = some((filmed.starts, filmed.fallback, filmed.observed), frames)
-    found, _, track = track_frames(
+    found, _, track, _ = track_frames(
         make_model(BODY), BOTH_WAYS, TRACKING, FPS, track, lambda chosen: Proposed(some(starts, chosen), np.ones(1)),
         fallback, observed,
     )  # fmt: skip

@@ -30,7 +30,7 @@ def filmed() -> Filmed:
 def follow(filmed: Filmed, frames: slice, track: Track | None) -> tuple[np.ndarray, Track]:
     """Errors of the worst joint of each frame (m), and the track."""
     starts, fallback, observed = some((filmed.starts, filmed.fallback, filmed.observed), frames)
-    found, sides, track = track_frames(
+    found, sides, track, _ = track_frames(
         make_model(BODY), SEARCH, Tracking(), FPS, track,
         lambda chosen: Proposed(some(starts, chosen), 0.5 + 0.01 * chosen), fallback, observed,
     )  # fmt: skip
@@ -67,7 +67,7 @@ def test_starts_are_asked_for_only_where_it_is_searched_and_tell_the_sides_until
 
     given = some((filmed.fallback, filmed.observed), slice(0, 9))
     track = Track(some(filmed.truth, 0), some(filmed.truth, 0), 2, np.full(30, 3.0), 0.9)
-    _, sides, _ = track_frames(make_model(BODY), SEARCH, Tracking(), FPS, track, propose, *given)
+    _, sides, _, _ = track_frames(make_model(BODY), SEARCH, Tracking(), FPS, track, propose, *given)
     assert asked == [3]  # every sixth frame, and two have gone by
     np.testing.assert_allclose(sides, [0.9] * 3 + [0.63] * 6)
 
