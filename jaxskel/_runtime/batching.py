@@ -64,8 +64,8 @@ def padded(tree: Any, length: int) -> Any:
             return a
         whole = aligned((length, *a.shape[1:]), a.dtype)
         whole[: len(a)] = np.asarray(a)
-        if len(a) and a[0].size < _LARGE:
-            whole[len(a) :] = np.asarray(a[0])
+        if a.size < _LARGE * len(a):
+            whole[len(a) :] = whole[0]
         return whole
 
     return jax.tree.map(pad, single_precision(tree))

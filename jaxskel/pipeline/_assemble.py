@@ -82,7 +82,8 @@ def assemble(
         rotations[done] = back @ refined.pose.rotations[fitted]
         uncertainty = start.uncertainty(refined)
         covariance[done] = back @ uncertainty.covariance[fitted] @ back.T / np.float32(frames.scale) ** 2
-        confidence[done], sides[done] = uncertainty.confidence[fitted], start.sides[fitted]
+        confidence[done] = uncertainty.confidence[fitted]
+        sides[done] = np.minimum(start.sides, uncertainty.facing)[fitted]
     poses = Poses(
         joints, tips, rotations, skeleton.scaled(1 / frames.scale), confidence, sides, status, frames.fps, frames.up,
         frames.frame_index, covariance, stature_deviation, skeleton.template,

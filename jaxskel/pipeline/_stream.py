@@ -218,7 +218,7 @@ class Stream:
         if self._better is not None:
             self._improve(self._better.found())
         if not self._found:
-            found = with_subject(self._prepared, frame, self._settings, True, guess_subject, at_once=1)
+            found = with_subject(self._prepared, frame, self._settings, calibrate=True, find=guess_subject, at_once=1)
             if found is not self._prepared:
                 self._prepared, self._found = with_model(found, self._settings), True
         return self._prepared

@@ -29,7 +29,8 @@ class TrustInGraph(NamedTuple):
         """Uncertainty of refined joints: the same in all directions, and as wide as the confidence says."""
         trust = joint_confidence(np.asarray(refined.joints), np.asarray(refined.tips), self.limbs, self.skeleton)
         variance = deviation_for(SAME_PLACE, np.clip(trust, _LEAST_TRUST, _MOST_TRUST)) ** 2
-        return Uncertainty((variance[..., None, None] * np.eye(3)).astype(np.float32), trust)
+        covariance = (variance[..., None, None] * np.eye(3)).astype(np.float32)
+        return Uncertainty(covariance, trust, np.ones(len(trust), np.float32))
 
 
 class TrustInSearch(NamedTuple):

@@ -61,10 +61,12 @@ class Uncertainty(NamedTuple):
     Attributes:
         covariance: Of each joint about where it is given (m^2).
         confidence: Probability that it is within 100 mm of the truth.
+        facing: Confidence that the person does not face the other way, so that left and right are exchanged (0.5..1).
     """
 
     covariance: Float[np.ndarray, "frames joints 3 3"]
     confidence: Float[np.ndarray, "frames joints"]
+    facing: Float[np.ndarray, " frames"]
 
 
 def prior_in_clothes(clothes: float) -> float:
@@ -122,9 +124,12 @@ def searched_uncertainty(
     usual = _RIVAL_COST * loose
     scale = np.where(turned, max(_TURNED_SHARE * cost_threshold, usual), usual)
     weight = np.exp(-np.clip(cost - cost[:, :1], -50.0, None) / scale)
-    weight = (weight / weight.sum(1, keepdims=True))[..., None]
+    weight = weight / weight.sum(1, keepdims=True)
+    facing = np.clip((weight * ~np.broadcast_to(turned, weight.shape)).sum(1), 0.5, 1.0)
+    weight = weight[..., None]
     between = np.einsum("fkj,fkja,fkjb->fjab", np.broadcast_to(weight, away.shape[:3]), away, away)
     offset, spread = np.linalg.norm(away, axis=-1), np.hypot(deviation, remains)[:, None]
     right = (weight * probability_within(SAME_PLACE, offset, np.broadcast_to(spread, offset.shape))).sum(1)
     # Weights add up to one but for rounding.
-    return Uncertainty((own + between).astype(np.float32), np.clip(right, 0.0, 1.0).astype(np.float32))
+    right = np.clip(right, 0.0, 1.0)
+    return Uncertainty(*(told.astype(np.float32) for told in (own + between, right, facing)))

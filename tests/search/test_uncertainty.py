@@ -163,3 +163,16 @@ def test_where_no_body_explains_the_silhouettes_nothing_is_sure():
     explained, beyond = (searched_uncertainty(joints, costs, SEEN, usual, np.zeros(1)) for usual in (110.0, 220.0))
     np.testing.assert_allclose(beyond.covariance[0, 1], 4**2 * explained.covariance[0, 1], rtol=1e-5)
     assert (beyond.confidence < explained.confidence).all()
+
+
+@pytest.mark.parametrize(("extra", "facing"), [(0.0, 0.5), (2.0, 1 / (1 + np.exp(-1))), (100.0, 1.0)])
+def test_left_and_right_are_as_sure_as_the_way_that_the_person_faces(extra, facing):
+    def told(turned: bool) -> float:
+        costs = np.array([[5.0, 5.0 + extra]])
+        found = searched_uncertainty(
+            hypotheses(True), costs, SEEN, USUAL, np.zeros(1), turned=np.array([[False, turned]])
+        )
+        return float(found.facing[0])
+
+    assert told(True) == pytest.approx(facing, abs=1e-6)
+    assert told(False) == 1.0
