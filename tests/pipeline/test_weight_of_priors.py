@@ -1,4 +1,4 @@
-"""Priors of poses count in single frames, more so in clothes, and not along a track."""
+"""Priors of poses count in single frames, more so in clothes; along a track, only what clothes add."""
 
 import numpy as np
 import pytest
@@ -20,13 +20,21 @@ def prepared(clothes: float) -> Prepared:
     return Prepared(np.eye(3), ring(4), None, none, 0, skeleton, False, body, None, clothes=clothes)
 
 
-@pytest.mark.parametrize("clothes", [0.0, 0.05])
-def test_no_posture_costs_anything_along_a_track(clothes):
-    assert weight_of_priors(TRACKED, clothes) == 0
-    model = with_model(prepared(clothes), TRACKED).model
+def test_no_posture_of_a_naked_person_costs_anything_along_a_track():
+    assert weight_of_priors(TRACKED, 0.0) == 0
+    model = with_model(prepared(0.0), TRACKED).model
     assert model is not None
     assert not np.any(model.limbs["l_arm"].costs)
     assert float(model.objective.of_frames["arms"].weight) == 0
+
+
+@pytest.mark.parametrize("clothes", [0.01, 0.05])
+def test_only_what_clothes_add_costs_anything_along_a_track(clothes):
+    alone, tracked = (weight_of_priors(settings, clothes) for settings in (Settings(), TRACKED))
+    assert 0 < tracked == pytest.approx(alone - weight_of_priors(Settings(), 0.0))
+    models = [with_model(prepared(clothes), settings).model for settings in (Settings(), TRACKED)]
+    weights = [float(model.objective.of_frames["arms"].weight) for model in models if model is not None]
+    assert weights[1] == pytest.approx(weights[0] * tracked / alone)
 
 
 def test_unusual_arms_cost_more_in_clothes():
