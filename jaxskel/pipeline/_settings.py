@@ -187,8 +187,8 @@ def weight_of_priors(settings: Settings, clothes: float) -> float:
 
     With tracking, only what clothes add to them counts: arms that are held in an unusual way over many frames are the
     same surprise in each of them, and naked people, whose silhouettes show arms, had 0.6 % of their hands wrong in nine
-    films, not 0.3 %. In clothes (three draws for each of these films), 8.8 % were wrong without a prior, 5.5 % with what
-    clothes add, and no fewer with more.
+    films, not 0.3 %. In clothes (three draws for each of these films), 8.8 % were wrong without a prior, 5.5 % with
+    what clothes add, and no fewer with more.
     """
     prior = prior_in_clothes(clothes)
     return prior - 1.0 if settings.tracking is not None else prior
