@@ -19,8 +19,8 @@ from ..search import Search, Tracking, prior_in_clothes
 _SHORT_BRANCH = 0.18
 
 # Weight of priors of poses along a track of a naked person. Of the hands of 15 films (crowd, and p10 to p15 in other
-# clips with four cameras), 0.7 % were wrong with 0, 0.3 % with 0.3 and 0.5 % with 0.5. In clothes, two draws of nine of
-# these films, 5.1, 4.8 and 4.4 %; and of a heavy body whose arm long hair may explain, 47, 2 and 1 %.
+# clips with four cameras), 0.7 % were wrong with 0, 0.3 % with 0.3 and 0.5 % with 0.5. In clothes, three draws for each
+# of nine of these films, 5.5, 5.7 and 5.4 %; and of a heavy body whose arm long hair may explain, 47, 2 and 1 %.
 _ALONG_A_TRACK = 0.3
 
 
