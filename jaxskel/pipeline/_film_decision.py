@@ -11,7 +11,7 @@ from ..body import Skeleton
 from ..hull import Seen
 from ..poses import Poses
 from ..refinement import Refined
-from ..search import Fork, Track, decide
+from ..search import Decided, Fork, Track, decide
 from ._assemble import FramesOf, assemble
 from ._start import Start
 from ._uncertainties import TrustInSearch
@@ -63,31 +63,34 @@ def decided(batches: Iterator[RefinedBatch]) -> Iterator[tuple[Poses, Track | No
     waiting: list[RefinedBatch] = []
     for batch in batches:
         if batch.begins:
-            yield from _assembled(waiting, len(waiting))
+            yield from _assembled(waiting, _film(waiting))
             waiting = []
         waiting.append(batch)
+        film = _film(waiting)
         goes_on = batch.track is not None and batch.track.rival is not None
-        ready = _ready(waiting) if goes_on else len(waiting)
-        yield from _assembled(waiting, ready)
+        ready = _ready(waiting, film) if goes_on else len(waiting)
+        yield from _assembled(waiting[:ready], film)
         waiting = waiting[ready:]
-    yield from _assembled(waiting, len(waiting))
+    yield from _assembled(waiting, _film(waiting))
 
 
-def _ready(waiting: list[RefinedBatch]) -> int:
+def _film(waiting: list[RefinedBatch]) -> Decided | None:
+    """What all that wait say; None if nowhere are two tracks."""
+    forks = [batch.fork for batch in waiting if batch.fork is not None]
+    return decide(forks) if forks else None
+
+
+def _ready(waiting: list[RefinedBatch], film: Decided | None) -> int:
     """Number of the first batches that are decided, or have waited long enough."""
-    forks = [batch.fork for batch in waiting]
-    ends = np.cumsum([0 if fork is None else len(fork.both.cost) for fork in forks])
-    settled = decide([fork for fork in forks if fork is not None]).settled if ends[-1] else 0
+    ends = np.cumsum([0 if batch.fork is None else len(batch.fork.both.cost) for batch in waiting])
+    settled = 0 if film is None else film.settled
     return max(int(np.searchsorted(ends, settled, "right")), len(waiting) - _LONGEST)
 
 
-def _assembled(waiting: list[RefinedBatch], count: int) -> Iterator[tuple[Poses, Track | None]]:
-    """The poses of the first batches, by what all that wait say."""
-    if count == 0:
-        return
-    forks = [batch.fork for batch in waiting if batch.fork is not None]
-    film, first = decide(forks) if forks else None, 0
-    for batch in waiting[:count]:
+def _assembled(batches: list[RefinedBatch], film: Decided | None) -> Iterator[tuple[Poses, Track | None]]:
+    """The poses of the first batches of those that decided."""
+    first = 0
+    for batch in batches:
         if batch.fork is None or film is None:
             yield batch.poses_of(batch.start, batch.refined), batch.track
             continue

@@ -16,6 +16,7 @@ from ._follow_frame import doubt_arises as doubt_arises
 from ._follow_frame import follow_frame as follow_frame
 from ._follow_frame import search_in_doubt as search_in_doubt
 from ._follow_frame import search_is_due as search_is_due
+from ._fork import Decided as Decided
 from ._fork import Fork as Fork
 from ._fork import decide as decide
 from ._gaps import before_next as before_next
