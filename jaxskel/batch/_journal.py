@@ -15,14 +15,16 @@ from ..body import HUMAN_15, Pose, Skeleton, SkeletonTemplate, default_adult
 from ..io.files import numbers, read_arrays, texts
 from ..io.recordings import template_of
 from ..poses import Poses
-from ..search import Rival, Track
+from ..search import Rival, Track, no_alternatives
 from ._disk import remove_unfinished
 
 _ROWS, _STATE = "rows.bin", "state.npz"
 _AT_REST = ("rest_joints", "rest_tips")  # of the skeleton
 _NOWHERE = Pose(np.zeros(3), np.zeros((len(HUMAN_15.segment_names), 3, 3)))
 _ALONE = Track(_NOWHERE, _NOWHERE, 0, np.zeros(0))
-_TRACKS = [jax.tree.structure(track) for track in (_ALONE, replace(_ALONE, rival=Rival(_NOWHERE, _NOWHERE, 0.0)))]
+# What a track may have besides, and what it looks like.
+_PARTS = {"rival": Rival(_NOWHERE, _NOWHERE, 0.0), "alternatives": no_alternatives(_NOWHERE, 1)}
+_WHOLE = jax.tree.structure(replace(_ALONE, **_PARTS))
 
 
 class Journal:
@@ -73,6 +75,7 @@ class Journal:
         state["template"] = self._skeleton.template.text
         if track is not None:
             state |= {f"track{i}": leaf for i, leaf in enumerate(jax.tree.leaves(track))}
+            state["parts"] = " ".join(name for name in _PARTS if getattr(track, name) is not None)
         with written_whole(self._state) as file:
             np.savez(file, **state)
 
@@ -86,8 +89,10 @@ class Journal:
         )  # fmt: skip
 
     def _resume(self) -> None:
-        leaves = tuple(f"track{i}" for i in range(max(track.num_leaves for track in _TRACKS)))
-        arrays = read_arrays(self._state, ("work", "request", "frames", "digest", "template", *_AT_REST), leaves)
+        leaves = tuple(f"track{i}" for i in range(_WHOLE.num_leaves))
+        arrays = read_arrays(
+            self._state, ("work", "request", "frames", "digest", "template", *_AT_REST), ("parts", *leaves)
+        )
         frames, template = int(numbers(self._state, arrays, "frames", ())), template_of(self._state, arrays)
         size = row_of(template).itemsize
         with open(self._rows, "rb") as file:
@@ -101,19 +106,21 @@ class Journal:
             raise ValueError(f"{self.folder}: the poses are from before they were to be computed again")
         self.frames, self._digest = frames, found
         self._skeleton = Skeleton(arrays["rest_joints"], arrays["rest_tips"], template)
-        there = [arrays[key] for key in leaves if key in arrays]
-        if there:
-            self.track = self._track_of(there)
+        if "parts" in arrays:
+            parts = " ".join(texts(self._state, arrays, "parts")).split()
+            self.track = self._track_of(parts, [arrays[key] for key in leaves if key in arrays])
 
-    def _track_of(self, leaves: list[np.ndarray]) -> Track:
-        """The tracking state with these arrays."""
-        for structure in _TRACKS:
-            if structure.num_leaves == len(leaves):
-                track = jax.tree.unflatten(structure, leaves)
-                # Numbers that were Python's are so again: JAX compiles anew for others.
-                rival = track.rival and replace(track.rival, excess=float(track.rival.excess))
-                return replace(track, since=int(track.since), sides=float(track.sides), rival=rival)
-        raise ValueError(f"{self._state}: a part of the track is lost")
+    def _track_of(self, parts: list[str], leaves: list[np.ndarray]) -> Track:
+        """The tracking state with some parts, from its arrays."""
+        if not set(parts) <= set(_PARTS):
+            raise ValueError(f"{self._state}: a track with unknown parts")
+        structure = jax.tree.structure(replace(_ALONE, **{name: _PARTS[name] for name in parts}))
+        if structure.num_leaves != len(leaves):
+            raise ValueError(f"{self._state}: a part of the track is lost")
+        track = jax.tree.unflatten(structure, leaves)
+        # Numbers that were Python's are so again: JAX compiles anew for others.
+        rival = track.rival and replace(track.rival, excess=float(track.rival.excess))
+        return replace(track, since=int(track.since), sides=float(track.sides), rival=rival)
 
 
 def row_of(template: SkeletonTemplate) -> np.dtype:

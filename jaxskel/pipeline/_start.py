@@ -189,7 +189,7 @@ def _by_following(
         middles = middles_of_people(found.seen, found.silhouettes, prepared.cameras)
         starts, fallback = start_poses(limbs, facing, skeleton), graphless_poses(middles, skeleton)
         best = yield from solving(model, _search_of(settings, prepared), starts, fallback, observed)
-        return Searched(jax.tree.map(lambda a: a[0], best.best), float(best.cost[0, 0]), float(sides[0]))
+        return Searched(jax.tree.map(lambda a: a[0], best.poses), best.cost[0], float(sides[0]))
 
     with stopwatch("search"):
         followed = follow_frame(model, tracking, track, observed)

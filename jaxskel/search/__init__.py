@@ -7,6 +7,7 @@ or tracked from frame to frame.
 from ._ahead import any_poses as any_poses
 from ._ahead import fits_ahead as fits_ahead
 from ._ahead import limbs_ahead as limbs_ahead
+from ._alternatives import no_alternatives as no_alternatives
 from ._costs import costs_by_term as costs_by_term
 from ._facing import turned_rivals as turned_rivals
 from ._fit import fit_pool as fit_pool

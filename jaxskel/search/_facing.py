@@ -2,7 +2,7 @@
 
 import jax
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 
 from .._runtime.batching import take
 from ..body import SEGMENT_NAMES, Pose, Skeleton
@@ -41,9 +41,8 @@ def turned_rivals(found: Hypotheses) -> Bool[np.ndarray, "frames hypotheses"]:
     return np.asarray(turned_round(left, left[:, :1]))
 
 
-def cheapest_each_way(found: Hypotheses, frames: Int[np.ndarray, " some"]) -> Pool:
-    """The cheapest hypothesis of some frames, and the cheapest that faces the other way, if there is one."""
-    pool = found.pool(frames)
+def cheapest_each_way(pool: Pool) -> Pool:
+    """The cheapest hypothesis of each frame, and the cheapest that faces the other way, if there is one."""
     best = pool.cheapest(1)
     return best.joined(take(pool, _away_from(best, pool)).cheapest(1))
 

@@ -13,6 +13,7 @@ from .._runtime.batching import on_device
 from .._runtime.steps import Steps
 from ..body import Pose
 from ..refinement.terms import Observed
+from ._alternatives import Alternatives, carried, told
 from ._best_track import best_track, follow_scales
 from ._fit import fit_pool
 from ._hypotheses import Hypotheses, Pool, pool_of
@@ -35,10 +36,10 @@ def follow_frame(model: Model, tracking: Tracking, track: Track, observed: Obser
     """
     stack = on_device(observed, 1)
     track, offer = _searched_on(model, tracking, track, stack, _steps(tracking, track))
-    found = _followed(model, tracking, track, stack, offer)
-    if found.cost[0, 0] > _ASTRAY * _unusual(track):
+    followed = _followed(model, tracking, track, stack, offer)
+    if followed.found.cost[0, 0] > _ASTRAY * _unusual(track):
         return None
-    return _result(track, found, track.ongoing)
+    return followed
 
 
 def search_in_doubt(
@@ -62,21 +63,34 @@ def search_in_doubt(
     stack = on_device(observed, 1)
     after, offer = _searched_on(model, tracking, begun(followed.track, followed.found, steps), stack, _AT_ONCE)
     if offer is None:
-        return Followed(followed.found, np.array([after.sides]), after)
-    track = replace(track, since=after.since - 1, sides=after.sides)
-    return _result(track, _followed(model, tracking, track, stack, offer), after.ongoing)
+        return Followed(_told(followed.found, after), np.array([after.sides]), after)
+    track = replace(
+        track, since=after.since - 1, sides=after.sides, ongoing=after.ongoing, alternatives=after.alternatives
+    )
+    return _followed(model, tracking, track, stack, offer)
 
 
-def _followed(model: Model, tracking: Tracking, track: Track, stack: Observed, offer: Pool | None) -> Hypotheses:
-    """The pose that follows, or the one that is offered."""
-    if offer is None:
-        offer = pool_of(jax.tree.map(lambda a: np.asarray(a)[None, None], track.last), np.zeros(1, int))
-    return best_track(model, tracking, track, offer, stack)
-
-
-def _result(track: Track, found: Hypotheses, ongoing: Ongoing | None) -> Followed:
+def _followed(model: Model, tracking: Tracking, track: Track, stack: Observed, offer: Pool | None) -> Followed:
+    """The pose that follows, or the one that is offered: the first of the track's alternatives."""
+    pool = pool_of(jax.tree.map(lambda a: np.asarray(a)[None, None], track.last), np.zeros(1, int))
+    found = best_track(model, tracking, track, pool if offer is None else offer, stack)
+    if offer is not None and track.alternatives is not None and _same(found.best, offer.poses):
+        track = replace(track, alternatives=track.alternatives.taken())
     after = state_after(track, found, track.since + 1, track.sides)
-    return Followed(found, np.array([track.sides]), replace(after, ongoing=ongoing))
+    after = replace(after, ongoing=track.ongoing, alternatives=track.alternatives)
+    return Followed(_told(found, after), np.array([track.sides]), after)
+
+
+def _told(found: Hypotheses, track: Track) -> Hypotheses:
+    """The pose of one frame, and the alternatives known to its track."""
+    alone = found.ordered(np.zeros((1, 1), int))
+    if track.alternatives is None:
+        return alone
+    return told(alone, jax.tree.map(lambda a: np.asarray(a)[None], track.alternatives))
+
+
+def _same(poses: Pose, others: Pose) -> bool:
+    return all(np.array_equal(a, b) for a, b in zip(jax.tree.leaves(poses), jax.tree.leaves(others), strict=True))
 
 
 def _searched_on(
@@ -145,10 +159,9 @@ def search_on(model: Model, tracking: Tracking, track: Track, stack: Observed) -
     else:
         return track, None
     track = replace(track, sides=found.sides, ongoing=None)
-    if found.cost > cost - tracking.margin:
+    poses = carried(found.poses, pose, track.last)
+    track = replace(track, alternatives=Alternatives(poses, found.cost - np.float32(cost), track.last))
+    if found.cost[0] > cost - tracking.margin:
         return track, None
-    moved = np.asarray(track.last.rotations) @ np.asarray(pose.rotations).swapaxes(-1, -2)
-    carried = Pose(found.pose.root + (track.last.root - pose.root), moved @ found.pose.rotations)
-    carried = jax.tree.map(lambda a: np.asarray(a)[None, None], carried)
-    pool = pool_of(carried, np.zeros(1, int))
+    pool = pool_of(jax.tree.map(lambda a: a[None, :1], poses), np.zeros(1, int))
     return track, fit_pool(model.body, model.objective, pool, stack, follow_scales(tracking))

@@ -1,6 +1,7 @@
 """Two tracks that face opposite ways, and which of them a film follows: all its frames decide, later ones too."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import jax
@@ -16,20 +17,20 @@ class Fork(NamedTuple):
 
     Attributes:
         both: A hypothesis of each track, with axes ``frames tracks``.
-        seconds: The second hypothesis of each track, with the same axes.
+        others: Further hypotheses that go with each track.
         jumps: Cost of changing from a track to the other after each frame.
         first: Cost of beginning on each track: how much more the cheapest path to it costs than the cheapest one.
         alike: Number of successive frames whose costs err alike.
     """
 
     both: Hypotheses
-    seconds: Hypotheses
+    others: tuple[Hypotheses, Hypotheses]
     jumps: Float[np.ndarray, "frames tracks=2 tracks=2"]
     first: Float[np.ndarray, " tracks=2"]
     alike: int
 
     def hypotheses(self, path: Int[np.ndarray, " frames"], through: Float[np.ndarray, "frames tracks=2"]) -> Hypotheses:
-        """Three hypotheses of each frame: that of a path, that of the other track, and the second of the path's track.
+        """The hypotheses of each frame: that of a path, that of the other track, and those that go with the path's.
 
         That of the other track costs as much more as the cheapest path through it, divided by the number of frames
         whose costs err alike.
@@ -40,12 +41,11 @@ class Fork(NamedTuple):
         """
         rows = np.arange(len(path))
         ordered = self.both.ordered(np.stack([path, 1 - path], 1))
-        second = self.seconds.ordered(path[:, None])
+        others = jax.tree.map(lambda *of: np.stack(of, 1)[rows, path], *self.others)
         excess = np.maximum(through[rows, 1 - path] - through[rows, path], 0.0)
         best = ordered.cost[:, 0]
-        cost = np.stack([best, best + excess / self.alike, second.cost[:, 0]], 1).astype(np.float32)
-        poses = jax.tree.map(lambda a, b: np.concatenate([a, b], 1), ordered.poses, second.poses)
-        return Hypotheses(poses, cost)
+        either = replace(ordered, cost=np.stack([best, best + excess / self.alike], 1).astype(np.float32))
+        return jax.tree.map(lambda a, b: np.concatenate([a, b], 1), either, others)
 
 
 class Decided(NamedTuple):

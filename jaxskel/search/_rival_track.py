@@ -8,14 +8,15 @@ from dataclasses import replace
 
 import jax
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from .._runtime.batching import take
 from ..refinement.terms import Observed
+from ._alternatives import Known, facing_alike, latest, no_alternatives, told
 from ._best_track import best_track, places_of
 from ._cheapest_path import jump_costs
 from ._facing import angles_between, left_of, turned_round
-from ._fork import Fork, decide
+from ._fork import Decided, Fork
 from ._hypotheses import Hypotheses, Pool
 from ._model import Model
 from ._track_state import Rival, Track, Tracking, between_searches, last_two
@@ -24,16 +25,17 @@ from ._track_state import Rival, Track, Tracking, between_searches, last_two
 _TURNING = 2.5 * np.pi
 
 
-def with_rival(
+def forked(
     model: Model,
     tracking: Tracking,
     fps: float,
     track: Track | None,
     found: Hypotheses,
     offers: Pool,
+    known: Known,
     stack: Observed,
-) -> tuple[Hypotheses, Rival | None, Fork | None]:
-    """Choose in each frame between a track and one that faces the other way.
+) -> Fork | None:
+    """Follow a track that faces the other way than a given one; None if nothing does.
 
     Args:
         model: The subject.
@@ -42,28 +44,28 @@ def with_rival(
         track: State after the frames before; None at the start.
         found: The track, see `best_track`, which took no pose that faces the other way.
         offers: What searches found in some of the frames, both ways; at infinite cost in the others.
+        known: All that they found: what faces a track's way is among its hypotheses.
         stack: Observations, on the device.
-
-    Returns:
-        Three hypotheses for each frame, see `Fork`: the choice by these frames and those before; the state of the other
-        track, None where it costs too much to go on; and the two tracks, so that later frames may choose again. `found`
-        and twice None, if nothing faces the other way.
     """
     away = np.asarray(turned_round(left_of(offers.poses), left_of(found.best)[offers.frame]))
-    known = None if track is None else track.rival
-    if known is None:
-        known = _begun(tracking, track, take(offers, away & np.isfinite(offers.cost)))
-    if known is None:
-        return found, None, None
+    begins = None if track is None else track.rival
+    if begins is None:
+        begins = _begun(tracking, track, take(offers, away & np.isfinite(offers.cost)))
+    if begins is None:
+        return None
     opposite = replace(offers, cost=np.where(away, offers.cost, np.float32(np.inf)))
-    state = Track(known.last, known.before, 0, np.zeros(0))
+    state = Track(begins.last, begins.before, 0, np.zeros(0))
     other = best_track(model, tracking.with_turns(tracking.margin), state, opposite, stack)
-    both, seconds = (_stacked(found, other, which) for which in (0, 1))
     places = np.stack([places_of(model, tracks.best) for tracks in (found, other)], 1)
+    nothing = no_alternatives(begins.last, known.found.cost.shape[1])
+    one_way, other_way = (
+        facing_alike(told(way, latest(way, now)))
+        for way, now in ((found, known), (other, known._replace(before=nothing)))
+    )
+    both = jax.tree.map(lambda a, b: np.stack([a[:, 0], b[:, 0]], 1), one_way, other_way)
+    others = tuple(jax.tree.map(lambda a: a[:, 1:], way) for way in (one_way, other_way))
     jumps = _costs_of_turns(tracking, fps, np.asarray(left_of(both.poses)), places)
-    fork = Fork(both, seconds, jumps, np.array([0.0, known.excess]), between_searches(tracking, fps))
-    path, through, _ = decide([fork])
-    return fork.hypotheses(path, through), _rival_after(tracking, fork, path, through), fork
+    return Fork(both, others, jumps, np.array([0.0, begins.excess]), between_searches(tracking, fps))
 
 
 def _costs_of_turns(
@@ -94,21 +96,11 @@ def _begun(tracking: Tracking, track: Track | None, offers: Pool) -> Rival | Non
     return Rival(first, first, 0.0 if track is None else tracking.turn_margin)
 
 
-def _rival_after(
-    tracking: Tracking,
-    fork: Fork,
-    path: Int[np.ndarray, " frames"],
-    through: Float[np.ndarray, "frames tracks=2"],
-) -> Rival | None:
-    """The other track than a path after the last frame, if it goes on."""
-    others = fork.both.ordered(1 - path[:, None]).best
-    excess = float(np.ptp(through[-1]))
+def rival_after(tracking: Tracking, fork: Fork, way: Decided) -> Rival | None:
+    """The state of the other track than the one chosen after the last frame; None where it costs too much to go on."""
+    others = fork.both.ordered(1 - way.path[:, None]).best
+    excess = float(np.ptp(way.through[-1]))
     left = left_of(jax.tree.map(lambda a: a[-1], fork.both.poses))
     if excess >= tracking.turn_margin or not turned_round(left[0], left[1]):
         return None
     return Rival(*last_two(others), excess)
-
-
-def _stacked(found: Hypotheses, other: Hypotheses, which: int) -> Hypotheses:
-    """One hypothesis of each of two tracks, with axes ``frames tracks``."""
-    return jax.tree.map(lambda a, b: np.stack([a[:, which], b[:, which]], 1), found, other)

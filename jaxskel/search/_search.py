@@ -132,6 +132,11 @@ class Search(eqx.Module):
         return _DOUBTFUL_IF_UNKNOWN if self.doubtful is None else self.doubtful
 
     @property
+    def most(self) -> int:
+        """Largest number of hypotheses of a frame."""
+        return self.trunks * self.pairs
+
+    @property
     def looks_both_ways(self) -> bool:
         """Whether a pose that faces the other way is searched for in each frame."""
         return self.vague == 0
@@ -185,7 +190,7 @@ def solving(
     """As `solve_frames`, in steps."""
     frames = np.arange(len(fallback.root)) if frames is None else frames
     stack = on_device(observed)
-    most = search.trunks * search.pairs
+    most = search.most
 
     def searched(starts: Pose, frames: Int[np.ndarray, " some"], wide: bool) -> Steps[Pool]:
         return (yield from _searched(model, search, pool_of(starts, frames), stack, wide)).distinct(most)
@@ -220,7 +225,7 @@ def _searched(model: Model, search: Search, starts: Pool, stack: Observed, wide:
         best = found.of(frames).cheapest(1)
         proposed = yield from _proposed(best, propose, stack)
         other = yield from _fitted(model, search, proposed, stack, (search.singles + 1) // 2, best)
-        return found.joined(other).distinct(search.trunks * search.pairs)
+        return found.joined(other).distinct(search.most)
 
     def single(limb: str, poses: Pose, at: Int[Array, " n"]) -> Pose:
         return with_single(model, poses, at, stack, model.limbs[limb], search.singles)
@@ -230,7 +235,7 @@ def _searched(model: Model, search: Search, starts: Pool, stack: Observed, wide:
         best = yield from fitting(
             model.body, model.objective, found.cheapest(1), stack, fit_scales((0.04, search.steps))
         )
-        return best.joined(found).distinct(search.trunks * search.pairs)
+        return best.joined(found).distinct(search.most)
 
     found = yield from settled((yield from _first_found(model, search, starts, stack, wide)))
     best = found.cheapest(1)

@@ -8,15 +8,16 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from .._runtime.batching import on_device
+from .._runtime.batching import on_device, take
 from ..body import Pose
 from ..refinement.terms import Observed
+from ._alternatives import Alternatives, Known, latest, no_alternatives, told
 from ._best_track import best_track, last_place, places_of
 from ._facing import cheapest_each_way
-from ._fork import Fork
+from ._fork import Fork, decide
 from ._hypotheses import Hypotheses, Pool, pool_of
 from ._model import Model
-from ._rival_track import with_rival
+from ._rival_track import forked, rival_after
 from ._search import Search, cost_threshold, solve_frames
 from ._track_state import Track, Tracking, between_searches, last_two, must_be_found
 
@@ -46,8 +47,8 @@ class Followed(NamedTuple):
     """Poses of consecutive frames.
 
     Attributes:
-        found: Two hypotheses for each frame, the chosen one first; one in a stack of one frame; or three where another
-            track faces the other way, see `Fork`.
+        found: The hypotheses of each frame, the chosen one first: then the other track's where one faces the other way,
+            see `Fork`; then that of the way back, but not in a stack of one frame; then what the latest search found.
         sides: Confidence of the latest search that left and right are not exchanged (0.5..1).
         track: The new state.
         fork: Both tracks where another one faces the other way: later frames may choose again.
@@ -94,16 +95,17 @@ def track_frames(
         searched = np.union1d(searched, [0])
     stack = on_device(observed)
     sides = np.full(count, np.nan)
+    # Frames not searched get a placeholder of infinite cost.
+    placeholders = pool_of(jax.tree.map(lambda a: a[:, :1], fallback), np.arange(count))
 
     def searched_in(frames: Int[np.ndarray, " some"]) -> Pool:
+        if len(frames) == 0:
+            return take(placeholders, frames)
         starts, sides[frames] = propose(frames)
-        found = solve_frames(model, search, starts, fallback, stack, frames)
-        return cheapest_each_way(found, frames)
+        return solve_frames(model, search, starts, fallback, stack, frames).pool(frames)
 
-    # Frames not searched get a placeholder of infinite cost.
-    offers = pool_of(jax.tree.map(lambda a: a[:, :1], fallback), np.arange(count))
-    if len(searched):
-        offers = offers.joined(searched_in(searched))
+    every = searched_in(searched)
+    offers = placeholders.joined(cheapest_each_way(every))
     # Where a second track faces the other way, neither turns to it.
     two_tracks = search.looks_both_ways and count > 1
     ahead = tracking.with_turns(np.inf) if two_tracks else tracking
@@ -112,16 +114,30 @@ def track_frames(
         lost = np.setdiff1d(np.flatnonzero(suspicious(model, track, found)), searched)
         if len(lost) == 0:
             break
-        searched, offers = np.union1d(searched, lost), offers.joined(searched_in(lost))
+        searched, every = np.union1d(searched, lost), every.joined(searched_in(lost))
+        offers = placeholders.joined(cheapest_each_way(every))
         found = best_track(model, ahead, track, offers, stack)
-    rival, fork = None, None
-    if two_tracks:
-        found, rival, fork = with_rival(model, tracking, fps, track, found, offers, stack)
+    known = Known(every.rows(searched, search.most), searched, _known_before(track, found, search.most))
+    fork = forked(model, tracking, fps, track, found, offers, known, stack) if two_tracks else None
+    rival = None
+    if fork is None:
+        found = told(found, latest(found, known))
+    else:
+        way = decide([fork])
+        found, rival = fork.hypotheses(way.path, way.through), rival_after(tracking, fork, way)
+    after = jax.tree.map(lambda a: a[-1], latest(found, known))
     # Each frame takes the confidence of the latest search before it.
-    latest = np.maximum.accumulate(np.where(np.isnan(sides), -1, np.arange(count)))
-    sides = np.where(latest >= 0, sides[latest], 0.5 if track is None else track.sides)
-    after = state_after(track, found, (since + count) % period, float(sides[-1]))
-    return Followed(found, sides, replace(after, rival=rival), fork)
+    search_of = np.maximum.accumulate(np.where(np.isnan(sides), -1, np.arange(count)))
+    sides = np.where(search_of >= 0, sides[search_of], 0.5 if track is None else track.sides)
+    state = state_after(track, found, (since + count) % period, float(sides[-1]))
+    return Followed(found, sides, replace(state, rival=rival, alternatives=after), fork)
+
+
+def _known_before(track: Track | None, found: Hypotheses, count: int) -> Alternatives:
+    """What was known before the first frame."""
+    if track is not None and track.alternatives is not None:
+        return track.alternatives
+    return no_alternatives(jax.tree.map(lambda a: a[0], found.best), count)
 
 
 def suspicious(model: Model, track: Track | None, found: Hypotheses) -> Bool[np.ndarray, " frames"]:

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from .._runtime.kinds import check_count, check_number
 from .._runtime.steps import Steps
 from ..body import Pose
+from ._alternatives import Alternatives
 from ._uncertainty import variance_in_clothes
 
 # Thickness of clothes (m) in which margins are twice those of naked people.
@@ -64,11 +65,13 @@ class Searched(NamedTuple):
     """What a full search found in one frame.
 
     Attributes:
+        poses: Axis ``alternatives``, the cheapest first.
+        cost: Cost of each; infinite where there is none.
         sides: Confidence that left and right are not exchanged (0.5..1).
     """
 
-    pose: Pose
-    cost: float
+    poses: Pose
+    cost: Float[np.ndarray, " alternatives"]
     sides: float
 
 
@@ -112,6 +115,7 @@ class Track(eqx.Module):
         ongoing: A search that lasts over several frames of a stream.
         hurried: Whether searches are put off in the next frame of a stream, because other frames wait.
         rival: A track that faces the other way and costs little more; None where there is none.
+        alternatives: What the latest search found besides; None before the first one.
     """
 
     last: Pose
@@ -122,6 +126,7 @@ class Track(eqx.Module):
     ongoing: Ongoing | None = None
     hurried: bool = eqx.field(static=True, default=False)
     rival: Rival | None = None
+    alternatives: Alternatives | None = None
 
 
 def between_searches(tracking: Tracking, fps: float) -> int:

@@ -19,7 +19,11 @@ def assert_equal(one, other):
         np.testing.assert_array_equal(a, b)
 
 
-@pytest.mark.parametrize("track", [None, some_track(2), some_track(2, rival=True)])
+@pytest.mark.parametrize(
+    "track",
+    [None, some_track(2), some_track(2, rival=True), some_track(2, alternatives=3), some_track(2, True, 3)],
+    ids=["none", "alone", "rival", "alternatives", "both"],
+)
 def test_goes_on_where_it_was_left(tmp_path, track):
     parts = [some_poses(0, 32), some_poses(32, 32), some_poses(64, 5)]
     for i, part in enumerate(parts):

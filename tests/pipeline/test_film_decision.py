@@ -57,7 +57,13 @@ def batch_of(number: int, cost: list[list[float]], first: float, ends: float | N
     count = len(cost)
     columns = np.tile([0.0, 1.0], (count, 1))
     both = Hypotheses(poses_at(columns), np.array(cost, np.float32))
-    fork = Fork(both, both, np.tile(JUMP, (count, 1, 1)), np.array([0.0, first]), 1)
+    fork = Fork(
+        both,
+        (both.ordered(np.zeros((count, 1), int)), both.ordered(np.ones((count, 1), int))),
+        np.tile(JUMP, (count, 1, 1)),
+        np.array([0.0, first]),
+        1,
+    )
     path, through, _ = decide([fork])
     start, refined = way_of(fork, path, through, path)
     people = np.array([0, *range(2, count + 1)])

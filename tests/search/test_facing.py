@@ -53,7 +53,7 @@ def test_nothing_is_made_up_where_all_face_one_way():
 def test_the_cheapest_each_way():
     poses = jax.tree.map(lambda a: a.reshape(2, 3, *a.shape[1:]), facing(0, 10, 175, 180, 170, 160))
     found = Hypotheses(poses, np.array([[1, 2, 3], [5, 6, np.inf]], np.float32))
-    two = cheapest_each_way(found, np.array([4, 7]))
+    two = cheapest_each_way(found.pool(np.array([4, 7])))
     assert sorted(zip(two.frame.tolist(), two.cost.tolist(), strict=True)) == [(4, 1), (4, 3), (7, 5)]
 
 

@@ -68,7 +68,8 @@ def found_at(pose: Pose, cost: float):
     """A search of three steps."""
     yield
     yield
-    return Searched(pose, cost, 0.9)
+    poses = jax.tree.map(lambda a: np.asarray(a)[None], pose)
+    return Searched(poses, np.array([cost], np.float32), 0.9)
 
 
 def raised_arm(pose: Pose) -> Pose:
@@ -97,6 +98,8 @@ def test_what_a_search_found_is_carried_to_the_frame_that_has_come(filmed, cost,
     assert track.ongoing is None
     assert track.sides == 0.9
     assert (offer is not None) == better
+    assert track.alternatives is not None
+    np.testing.assert_allclose(track.alternatives.excess, [cost - 100])
     if offer is not None:
         assert np.linalg.norm(joints_of(offer.poses)[0] - filmed.joints[6], axis=-1).max() < 0.08
 

@@ -2,6 +2,7 @@
 
 from itertools import product
 
+import jax
 import numpy as np
 import pytest
 from hypothesis import given
@@ -21,7 +22,9 @@ def fork_of(cost: np.ndarray, jumps: np.ndarray, first: np.ndarray, alike: int =
         return Pose(roots, np.zeros((*cost.shape, 17, 3, 3), np.float32))
 
     cost = cost.astype(np.float32)
-    return Fork(Hypotheses(poses(0), cost), Hypotheses(poses(1), cost + 1), jumps, first, alike)
+    seconds = Hypotheses(poses(1), cost + 1)
+    others = tuple(jax.tree.map(lambda a, i=i: a[:, i : i + 1], seconds) for i in (0, 1))
+    return Fork(Hypotheses(poses(0), cost), (others[0], others[1]), jumps, first, alike)
 
 
 def random_forks(seed: int, lengths: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray, list[Fork]]:

@@ -11,7 +11,7 @@ from support.capsule_films import ADULT, BODY, Filmed, film_body, joints_of, som
 from jaxskel import Pose
 from jaxskel._runtime.batching import on_device
 from jaxskel.body import SEGMENT_NAMES
-from jaxskel.search import Hypotheses, Proposed, Search, Track, Tracking, make_model, track_frames
+from jaxskel.search import Hypotheses, Proposed, Search, Track, Tracking, make_model, solve_frames, track_frames
 from jaxskel.search._best_track import _jumps, best_track
 from jaxskel.search._cheapest_path import cheapest_path, costs_through, jump_costs
 from jaxskel.search._hypotheses import pool_of
@@ -27,8 +27,7 @@ def filmed() -> Filmed:
     return film_body(some(demo_motion(ADULT, 120, FPS), np.arange(36, 36 + FRAMES)), FPS)
 
 
-def follow(filmed: Filmed, frames: slice, track: Track | None) -> tuple[np.ndarray, Track]:
-    """Errors of the worst joint of each frame (m), and the track."""
+def followed_in(filmed: Filmed, frames: slice, track: Track | None) -> tuple[Hypotheses, Track]:
     starts, fallback, observed = some((filmed.starts, filmed.fallback, filmed.observed), frames)
     found, sides, track, _ = track_frames(
         make_model(BODY), SEARCH, Tracking(), FPS, track,
@@ -37,6 +36,12 @@ def follow(filmed: Filmed, frames: slice, track: Track | None) -> tuple[np.ndarr
     assert track.sides == sides[-1]
     assert np.isfinite(found.cost[:, 0]).all()
     assert not np.isnan(found.cost).any()
+    return found, track
+
+
+def follow(filmed: Filmed, frames: slice, track: Track | None) -> tuple[np.ndarray, Track]:
+    """Errors of the worst joint of each frame (m), and the track."""
+    found, track = followed_in(filmed, frames, track)
     return np.linalg.norm(joints_of(found.best) - filmed.joints[frames], axis=-1).max(-1), track
 
 
@@ -70,6 +75,20 @@ def test_starts_are_asked_for_only_where_it_is_searched_and_tell_the_sides_until
     _, sides, _, _ = track_frames(make_model(BODY), SEARCH, Tracking(), FPS, track, propose, *given)
     assert asked == [3]  # every sixth frame, and two have gone by
     np.testing.assert_allclose(sides, [0.9] * 3 + [0.63] * 6)
+
+
+@pytest.mark.slow
+def test_what_a_search_found_is_known_until_the_next_one(filmed):
+    found, track = followed_in(filmed, slice(0, 9), None)
+    alone = solve_frames(make_model(BODY), SEARCH, *some((filmed.starts, filmed.fallback, filmed.observed), [0]))
+    there = np.isfinite(alone.cost[0])
+    assert found.cost.shape == (9, 2 + SEARCH.most)
+    for frame in range(5):  # the next search is in frame 5
+        assert np.isfinite(found.cost[frame, 2:]).tolist() == there.tolist()
+    np.testing.assert_allclose(found.poses.rotations[0, 2:], alone.poses.rotations[0], atol=1e-4)
+    assert track.alternatives is not None
+    again, _ = followed_in(filmed, slice(9, 11), track)  # the next but one is in frame 11
+    np.testing.assert_allclose(again.cost[0, 2:] - again.cost[0, 0], found.cost[8, 2:] - found.cost[8, 0], atol=1e-3)
 
 
 @pytest.mark.slow

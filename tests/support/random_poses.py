@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from jaxskel import Pose, Poses, default_adult
-from jaxskel.search import Rival, Track
+from jaxskel.search import Rival, Track, no_alternatives
 
 
 def some_poses(first: int, count: int) -> Poses:
@@ -22,8 +22,9 @@ def some_poses(first: int, count: int) -> Poses:
     )  # fmt: skip
 
 
-def some_track(number: int, rival: bool = False) -> Track:
+def some_track(number: int, rival: bool = False, alternatives: int = 0) -> Track:
     random = np.random.default_rng(number)
     poses = [Pose(random.normal(size=3).astype(np.float32), random.normal(size=(17, 3, 3))) for _ in range(4)]
     other = Rival(poses[2], poses[3], 3.5) if rival else None
-    return Track(poses[0], poses[1], number, random.normal(size=number), 0.7, rival=other)
+    known = no_alternatives(poses[1], alternatives) if alternatives else None
+    return Track(poses[0], poses[1], number, random.normal(size=number), 0.7, rival=other, alternatives=known)
