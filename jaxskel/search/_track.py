@@ -48,7 +48,7 @@ class Followed(NamedTuple):
 
     Attributes:
         found: The hypotheses of each frame, the chosen one first: then the other track's where one faces the other way,
-            see `Fork`; then that of the way back, but not in a stack of one frame; then what the latest search found.
+            see `Fork`; then those of other ways, but not in a stack of one frame; then what the latest search found.
         sides: Confidence of the latest search that left and right are not exchanged (0.5..1).
         track: The new state.
         fork: Both tracks where another one faces the other way: later frames may choose again.
@@ -73,9 +73,9 @@ def track_frames(
     """Estimate the poses of consecutive frames: of up to 32, or of one that arrives by itself.
 
     A full search runs at regular intervals, in frames that cost more than is usual for the subject, and in frames where
-    a joint moves suspiciously far. From the poses found, the track runs forwards, and backwards if it does not meet all
-    of them. Where the two differ, the path that is cheaper over all frames wins, so the sequence as a whole decides
-    between left and right. A stack of one frame has no way back.
+    a joint moves suspiciously far. From the poses found, the track runs forwards, and other ways if it does not meet
+    all of them, see `best_track`. Where these differ, the path that is cheapest over all frames wins, so the sequence
+    as a whole decides between left and right. A stack of one frame has one way.
 
     Args:
         model: The subject.

@@ -75,5 +75,5 @@ def test_a_film_that_begins_the_wrong_way_is_right_from_its_beginning(filmed):
 def test_a_film_that_is_right_has_a_rival_that_costs_more(filmed):
     error, found, track = followed(filmed, None)
     assert error.max() < 0.08
-    assert found.cost.shape == (FRAMES, 3 + BOTH_WAYS.most)
+    assert found.cost.shape == (FRAMES, 4 + BOTH_WAYS.most)
     assert track.rival is None

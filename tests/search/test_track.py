@@ -14,6 +14,7 @@ from jaxskel.body import SEGMENT_NAMES
 from jaxskel.search import Hypotheses, Proposed, Search, Track, Tracking, make_model, solve_frames, track_frames
 from jaxskel.search._best_track import _jumps, best_track
 from jaxskel.search._cheapest_path import cheapest_path, costs_through, jump_costs
+from jaxskel.search._facing import left_of
 from jaxskel.search._hypotheses import pool_of
 from jaxskel.synthetic import demo_motion
 
@@ -82,13 +83,13 @@ def test_what_a_search_found_is_known_until_the_next_one(filmed):
     found, track = followed_in(filmed, slice(0, 9), None)
     alone = solve_frames(make_model(BODY), SEARCH, *some((filmed.starts, filmed.fallback, filmed.observed), [0]))
     there = np.isfinite(alone.cost[0])
-    assert found.cost.shape == (9, 2 + SEARCH.most)
+    assert found.cost.shape == (9, 3 + SEARCH.most)
     for frame in range(5):  # the next search is in frame 5
-        assert np.isfinite(found.cost[frame, 2:]).tolist() == there.tolist()
-    np.testing.assert_allclose(found.poses.rotations[0, 2:], alone.poses.rotations[0], atol=1e-4)
+        assert np.isfinite(found.cost[frame, 3:]).tolist() == there.tolist()
+    np.testing.assert_allclose(found.poses.rotations[0, 3:], alone.poses.rotations[0], atol=1e-4)
     assert track.alternatives is not None
     again, _ = followed_in(filmed, slice(9, 11), track)  # the next but one is in frame 11
-    np.testing.assert_allclose(again.cost[0, 2:] - again.cost[0, 0], found.cost[8, 2:] - found.cost[8, 0], atol=1e-3)
+    np.testing.assert_allclose(again.cost[0, 3:] - again.cost[0, 0], found.cost[8, 3:] - found.cost[8, 0], atol=1e-3)
 
 
 @pytest.mark.slow
@@ -113,7 +114,7 @@ def test_a_body_facing_backwards_is_turned_within_half_a_second(filmed):
     assert error[int(FPS / 2) - 1 :].max() < 0.08
 
 
-def test_a_track_is_followed_backwards_only_where_it_does_not_meet_what_is_offered(filmed):
+def test_a_track_is_followed_other_ways_only_where_it_does_not_meet_what_is_offered(filmed):
     truth, count = some(filmed.truth, slice(1, 7)), 6
     right = np.linalg.norm(joints_of(truth) - filmed.joints[1:7], axis=-1).max()
     assert right < 1e-3
@@ -128,8 +129,9 @@ def test_a_track_is_followed_backwards_only_where_it_does_not_meet_what_is_offer
         return best_track(make_model(BODY), Tracking(), track, replace(offered, cost=cost), stack)
 
     once, twice = found(truth), found(moved)
-    assert np.isinf(once.cost[:, 1]).all()
-    np.testing.assert_array_equal(once.poses.root[:, 1], once.best.root)
+    assert np.isinf(once.cost[:, 1:]).all()
+    for way in (1, 2):
+        np.testing.assert_array_equal(once.poses.root[:, way], once.best.root)
     assert np.isfinite(twice.cost).all()
     for each in (once, twice):
         assert np.linalg.norm(joints_of(each.best) - filmed.joints[1:7], axis=-1).max() < 0.08
@@ -168,8 +170,8 @@ def test_a_path_that_starts_far_from_the_last_pose_pays_for_it(filmed):
     near = some(filmed.truth, 0)
     far = Pose(np.asarray(near.root) + 1.0, near.rotations)
     poses = Pose(np.stack([far.root, near.root]), np.stack([far.rotations, near.rotations]))
-    both = Hypotheses(Pose(poses.root[None], poses.rotations[None]), np.zeros((1, 2)))
-    _, first = _jumps(make_model(BODY), Tracking(margin=2.0), on_track(filmed, 0, near), both, joints_of(poses)[None])
+    left = np.asarray(left_of(poses))[None]
+    _, first = _jumps(make_model(BODY), Tracking(margin=2.0), on_track(filmed, 0, near), left, joints_of(poses)[None])
     assert first.tolist() == [2.0, 0.0]
 
 
