@@ -75,13 +75,17 @@ def find_subject(
     bags = [] if bag is None else [(start, bag) for start in (subject.shape, usual)]
     if subject.clothes >= _HIDES_A_BAG:
         bags.append((usual, usual_backpack(skeleton)))
-    hair = [(subject.shape, usual_hair(skeleton))] if subject.clothes >= _HIDES_HAIR else []
-    first = _with_addition(subject, given, bags + hair, on_stage)
+    hair = [(subject.shape, usual_hair(skeleton))]
+    hidden = hair if subject.clothes >= _HIDES_HAIR else []
+    first = _with_addition(subject, given, bags + hidden, on_stage)
+    if first is None and bag is not None and not hidden:
+        # What is behind the back and no bag may be hair: of a heavy body (p12), it cost 0.44 of what it did without.
+        first, hidden = _with_addition(subject, given, hair, on_stage), hair
     if first is None:
         return with_priors(subject, given)
     # Whoever has one of the two may have the other, too.
     subject, given, addition = first
-    others = [(subject.shape, other) for _, other in (bags[-1:] if addition.is_hair else hair)]
+    others = [(subject.shape, other) for _, other in (bags[-1:] if addition.is_hair else hidden)]
     both = _with_addition(subject, given, others, on_stage)
     return with_priors(subject, given) if both is None else with_priors(*both[:2])
 
