@@ -27,7 +27,8 @@ class Tracking(eqx.Module):
         interval: Time between two full searches (s): the longest time that the track can follow a pose that another one
             beats.
         steps: Steps of the fit that starts at the pose of the frame before.
-        margin: Hysteresis: the track switches to another pose only if that is cheaper by this cost.
+        margin: Hysteresis: the cost of a jump to another pose. A single frame makes the track jump only if the other
+            pose is cheaper by more than this, several frames if their sum is.
         turn_margin: The same for a pose that faces the other way: nobody turns round from one frame to the next, so
             either one of the two is wrong from its beginning on, or a frame misleads.
     """
