@@ -80,7 +80,7 @@ def find_subject(
     first = _with_addition(subject, given, bags + hidden, on_stage)
     if first is None and bag is not None and not hidden:
         # What is behind the back and no bag may be hair: of a heavy body (p12), it cost 0.44 of what it did without.
-        first, hidden = _with_addition(subject, given, hair, on_stage), hair
+        first = _with_addition(subject, given, hair, on_stage)
     if first is None:
         return with_priors(subject, given)
     # Whoever has one of the two may have the other, too.

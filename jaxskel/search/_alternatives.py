@@ -89,7 +89,7 @@ def told(found: Hypotheses, known: Alternatives) -> Hypotheses:
     """Add to the hypotheses of each frame the alternatives known in it (axes ``frames alternatives``)."""
     poses = carried(known.poses, known.pose, found.best)
     cost = found.cost[:, :1] + np.maximum(known.excess, 0.0) + _FOLLOWED
-    return jax.tree.map(lambda a, b: np.concatenate([a, b.astype(a.dtype)], 1), found, Hypotheses(poses, cost))
+    return found.joined(Hypotheses(poses, cost))
 
 
 def facing_alike(found: Hypotheses) -> Hypotheses:

@@ -1,6 +1,5 @@
 """One track through some frames: followed forwards and, in doubt, other ways; the cheapest path through them."""
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import jax
@@ -68,22 +67,22 @@ def best_track(model: Model, tracking: Tracking, track: Track | None, offers: Po
     frames = np.minimum(np.arange(length), count - 1)
     scales = follow_scales(tracking)
 
-    def follow(order: Int[np.ndarray, " frames"], last: Pose, before: Pose, tracking: Tracking) -> _Way:
-        margins = jnp.asarray([tracking.margin, tracking.turn_margin], jnp.float32)
+    def follow(order: Int[np.ndarray, " frames"], last: Pose, before: Pose, margins: Float[np.ndarray, "2"]) -> _Way:
         number = jnp.asarray(order, jnp.int32)
         last, before = single_precision((last, before))
         poses, cost = single_precision(take((two.poses, two.cost), order))
-        found = _follow(model, margins, scales, last, before, poses, cost, number, stack)
+        found = _follow(model, jnp.asarray(margins, jnp.float32), scales, last, before, poses, cost, number, stack)
         return jax.tree.map(lambda a: np.asarray(a)[:count], found)
 
-    forwards = follow(frames, last, before, tracking)
+    margins = np.array([tracking.margin, tracking.turn_margin])
+    forwards = follow(frames, last, before, margins)
     if length == 1:
         return Hypotheses(*jax.tree.map(lambda a: a[:, None], (forwards.poses, forwards.cost)))
     met = ~apart(places_of(model, forwards.poses), places_of(model, two.best)) | np.isinf(two.cost[:, 0])
     if met.all():
         every = jax.tree.map(lambda a: np.stack([a] * _WAYS, 1), forwards.poses)
         return Hypotheses(every, np.stack([forwards.cost, *[np.full_like(forwards.cost, np.inf)] * (_WAYS - 1)], 1))
-    eager = replace(tracking, margin=0.0, turn_margin=tracking.turn_margin - tracking.margin)
+    eager = margins - tracking.margin
     eagerly = follow(frames, last, before, eager)
     end = jax.tree.map(lambda a: a[-1], eagerly.poses)
     back = np.maximum(np.arange(count - 1, count - 1 - length, -1), 0)
@@ -99,10 +98,9 @@ def _cheapest(model: Model, tracking: Tracking, track: Track | None, ways: tuple
     """
     places = np.stack([places_of(model, way.poses) for way in ways], 1)
     followed = np.stack([places_of(model, way.followed) for way in ways], 1)
-    found = Hypotheses(*jax.tree.map(lambda *a: np.stack(a, 1), *((way.poses, way.cost) for way in ways)))
-    left = np.asarray(left_of(found.poses))
-    left_followed = np.stack([np.asarray(left_of(way.followed)) for way in ways], 1)
-    taken = jump_costs(followed, places, left_followed, left, tracking)
+    every = jax.tree.map(lambda *a: np.stack(a, 1), *ways)
+    found, left = Hypotheses(every.poses, every.cost), np.asarray(left_of(every.poses))
+    taken = jump_costs(followed, places, np.asarray(left_of(every.followed)), left, tracking)
     chosen = cheapest_path(found.cost + taken, *_jumps(model, tracking, track, left, places))
     order = np.argsort(np.arange(len(ways)) != chosen[:, None], axis=1, kind="stable")
     return found.ordered(order)

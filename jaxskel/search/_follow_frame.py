@@ -6,12 +6,12 @@ finds is carried to the frame that has come by then. Only a person who is lost i
 
 from dataclasses import replace
 
+import equinox as eqx
 import jax
 import numpy as np
 
 from .._runtime.batching import on_device
 from .._runtime.steps import Steps
-from ..body import Pose
 from ..refinement.terms import Observed
 from ._alternatives import Alternatives, carried, told
 from ._best_track import best_track, follow_scales
@@ -74,7 +74,7 @@ def _followed(model: Model, tracking: Tracking, track: Track, stack: Observed, o
     """The pose that follows, or the one that is offered: the first of the track's alternatives."""
     pool = pool_of(jax.tree.map(lambda a: np.asarray(a)[None, None], track.last), np.zeros(1, int))
     found = best_track(model, tracking, track, pool if offer is None else offer, stack)
-    if offer is not None and track.alternatives is not None and _same(found.best, offer.poses):
+    if offer is not None and track.alternatives is not None and eqx.tree_equal(found.best, offer.poses):
         track = replace(track, alternatives=track.alternatives.taken())
     after = state_after(track, found, track.since + 1, track.sides)
     after = replace(after, ongoing=track.ongoing, alternatives=track.alternatives)
@@ -87,10 +87,6 @@ def _told(found: Hypotheses, track: Track) -> Hypotheses:
     if track.alternatives is None:
         return alone
     return told(alone, jax.tree.map(lambda a: np.asarray(a)[None], track.alternatives))
-
-
-def _same(poses: Pose, others: Pose) -> bool:
-    return all(np.array_equal(a, b) for a, b in zip(jax.tree.leaves(poses), jax.tree.leaves(others), strict=True))
 
 
 def _searched_on(

@@ -45,7 +45,7 @@ class Fork(NamedTuple):
         excess = np.maximum(through[rows, 1 - path] - through[rows, path], 0.0)
         best = ordered.cost[:, 0]
         either = replace(ordered, cost=np.stack([best, best + excess / self.alike], 1).astype(np.float32))
-        return jax.tree.map(lambda a, b: np.concatenate([a, b], 1), either, others)
+        return either.joined(others)
 
 
 class Decided(NamedTuple):

@@ -37,6 +37,10 @@ class Hypotheses:
         rows = np.arange(len(order))[:, None]
         return jax.tree.map(lambda a: a[rows, order], self)
 
+    def joined(self, others: "Hypotheses") -> "Hypotheses":
+        """The hypotheses of both, in this order."""
+        return jax.tree.map(lambda a, b: np.concatenate([a, b], 1), self, others)
+
     def pool(self, frames: Int[np.ndarray, " some"]) -> "Pool":
         """Those that there are, as a pool; `frames` are the frames' indices in the stack."""
         poses = pool_of(self.poses, frames)

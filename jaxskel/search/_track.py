@@ -120,12 +120,13 @@ def track_frames(
     known = Known(every.rows(searched, search.most), searched, _known_before(track, found, search.most))
     fork = forked(model, tracking, fps, track, found, offers, known, stack) if two_tracks else None
     rival = None
-    if fork is None:
-        found = told(found, latest(found, known))
-    else:
+    if fork is not None:
         way = decide([fork])
         found, rival = fork.hypotheses(way.path, way.through), rival_after(tracking, fork, way)
-    after = jax.tree.map(lambda a: a[-1], latest(found, known))
+    alternatives = latest(found, known)
+    if fork is None:
+        found = told(found, alternatives)
+    after = jax.tree.map(lambda a: a[-1], alternatives)
     # Each frame takes the confidence of the latest search before it.
     search_of = np.maximum.accumulate(np.where(np.isnan(sides), -1, np.arange(count)))
     sides = np.where(search_of >= 0, sides[search_of], 0.5 if track is None else track.sides)

@@ -12,7 +12,7 @@ from jaxskel import Pose
 from jaxskel._runtime.batching import on_device
 from jaxskel.body import SEGMENT_NAMES
 from jaxskel.search import Hypotheses, Proposed, Search, Track, Tracking, make_model, solve_frames, track_frames
-from jaxskel.search._best_track import _jumps, best_track
+from jaxskel.search._best_track import _cheapest, _jumps, _Way, best_track
 from jaxskel.search._cheapest_path import cheapest_path, costs_through, jump_costs
 from jaxskel.search._facing import left_of
 from jaxskel.search._hypotheses import pool_of
@@ -164,6 +164,24 @@ def test_a_jump_costs_a_margin_and_more_if_it_turns_the_body_round():
     left = np.array([[0.0, 2, 0], [0, 2, 0], [0.5, 1, 0], [0, -1, 0]])
     jumps = jump_costs(places[:, None], places[None], left[:, None], left[None], tracking)
     np.testing.assert_array_equal(jumps, [[0, 0, 2, 7], [0, 0, 2, 7], [2, 2, 0, 0], [7, 7, 0, 0]])
+
+
+@pytest.mark.parametrize(
+    ("gain", "frames", "jumps"), [(3.0, 1, True), (1.5, 1, False), (1.5, 2, True), (0.5, 3, False)]
+)
+def test_several_frames_together_pay_for_a_jump_that_one_does_not(filmed, gain, frames, jumps):
+    """A way takes another pose, which costs less in the frames after that; a jump costs two."""
+    near = some(filmed.truth, np.zeros(4, int))
+    far = Pose(np.asarray(near.root) + np.float32(1.0), near.rotations)
+    late = np.arange(4) >= 4 - frames
+    taken = Pose(np.where(late[:, None], far.root, near.root), near.rotations)
+    # It follows the other pose after the frame in which it takes it.
+    followed = Pose(np.where((np.arange(4) > 4 - frames)[:, None], far.root, near.root), near.rotations)
+    cost = np.full(4, 5.0, np.float32)
+    ways = _Way(near, cost, near), _Way(taken, cost - np.float32(gain) * late, followed)
+    found = _cheapest(make_model(BODY), Tracking(margin=2.0), None, ways)
+    np.testing.assert_array_equal(found.best.root, taken.root if jumps else near.root)
+    np.testing.assert_array_equal(found.cost[:, 0], cost - np.float32(gain) * late if jumps else cost)
 
 
 def test_a_path_that_starts_far_from_the_last_pose_pays_for_it(filmed):
