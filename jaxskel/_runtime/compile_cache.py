@@ -33,6 +33,7 @@ from .compilations import COMPILATIONS
 from .compiler_options import QUICK, accepted
 from .precision import precise
 from .program_files import read_program, read_same_program, usable, write_program
+from .source_locations import strip_locations
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -150,6 +151,7 @@ class CachedJit(Generic[P, R]):
         flat.__name__ = f"{self._name.replace('.', '_')}_{uuid4().hex}"
         lowered = jax.jit(flat).lower(*(leaf for leaf in leaves if _is_array(leaf)))
         result = structures[-1]
+        strip_locations(lowered)
         text = lowered.as_text().replace(flat.__name__, "").encode()
         # Arguments that the function does not use are not in the text.
         shapes = [(leaf.shape, str(leaf.dtype)) for leaf in leaves if _is_array(leaf)]
@@ -263,5 +265,7 @@ class _Namer(pickle.Pickler):
 
 def _named(tree: Any) -> bytes:
     file = io.BytesIO()
-    _Namer(file, 5).dump(tree)
+    namer = _Namer(file, 5)
+    namer.fast = True  # without a memo, so that equal trees give equal bytes, whether or not they share objects
+    namer.dump(tree)
     return file.getvalue()

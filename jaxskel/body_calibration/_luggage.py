@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from .._runtime.batching import single_precision, take
+from .._runtime.batching import padded, single_precision, take
 from .._runtime.compile_cache import quickly_compiled
 from ..body import SEGMENT_NAMES, Body, Pose, all_distances, capsule_ends, limb_capsules
 from ..refinement.terms import Observed, place
@@ -21,7 +21,7 @@ _FRONT, _SIDE, _DOWN, _UP, _SPACING = 0.5, 0.45, 0.15, 0.75, 0.03
 # A point is carried if the silhouettes show it in this share of the frames, at least this far (m) from trunk, head and
 # legs, and if arms do not explain it in most frames.
 _SEEN, _APART, _NO_ARM = 0.75, 0.02, 0.4
-# Frames that are looked at.
+# Largest number of frames that are looked at.
 _FRAMES = 32
 # Volume from which on it is luggage (l). Backpacks of 12 to 25 l give 10 to 23 l, coats and hair below 1 l.
 _LITRES = 3.0
@@ -36,11 +36,12 @@ def find_luggage(body: Body, poses: Pose, observed: Observed, frames: Int[np.nda
         observed: What frames show, on the device.
         frames: Index of each pose's frame in `observed`.
     """
-    some = np.linspace(0, len(frames) - 1, _FRAMES).astype(int)
-    frames, poses = frames[some].astype(np.int32), single_precision(take(poses, some))
+    some = np.unique(np.linspace(0, len(frames) - 1, _FRAMES).astype(int))
+    chosen = padded((take(poses, some), frames[some].astype(np.int32)), _FRAMES)
+    used = np.arange(_FRAMES) < len(some)
     size = [np.arange(-low, high, _SPACING) for low, high in ((_FRONT, _FRONT), (_SIDE, _SIDE), (_DOWN, _UP))]
     points = np.stack(np.meshgrid(*size, indexing="ij"), -1).reshape(-1, 3).astype(np.float32)
-    shown, armed = (np.asarray(a) for a in _carried(single_precision(body), poses, frames, observed, points))
+    shown, armed = (np.asarray(a) for a in _carried(single_precision(body), *chosen, used, observed, points))
     carried = points[(shown >= _SEEN) & (armed >= _NO_ARM)]
     behind = carried[:, 0] < 0
     carried = carried[behind == (2 * behind.sum() >= len(carried))]
@@ -60,10 +61,11 @@ def _carried(
     body: Body,
     poses: Pose,
     frames: Int[Array | np.ndarray, " frames"],
+    used: Bool[Array | np.ndarray, " frames"],
     observed: Observed,
     points: Float[Array | np.ndarray, "points 3"],
 ) -> tuple[Float[Array, " points"], Float[Array, " points"]]:
-    """Shares of the frames in which points (m, relative to the chest) are inside all silhouettes, outside the body.
+    """Shares of the used frames in which points (m, relative to the chest) are inside all silhouettes, outside the body.
 
     Once outside of trunk, head and legs, and once outside of the arms, too.
     """
@@ -71,8 +73,7 @@ def _carried(
     assert silhouettes is not None
     radii, armless = jnp.asarray(body.radii)[body.links], ~limb_capsules("l_arm", "r_arm")
 
-    def one(given: tuple[Pose, Array]) -> tuple[Bool[Array, " points"], Bool[Array, " points"]]:
-        pose, frame = given
+    def seen_in(pose: Pose, frame: Int[Array, ""]) -> tuple[Bool[Array, " points"], Bool[Array, " points"]]:
         placed = place(body.skeleton, pose)
         here = placed.origins[_CHEST][None] + points @ placed.rotations[_CHEST].T
         view = silhouettes.of(frame)
@@ -80,5 +81,10 @@ def _carried(
         away = all_distances(here, jnp.asarray(capsule_ends(body, placed.origins, placed.rotations)), radii)
         return shown & (away[:, armless].min(1) > _APART), shown & (away.min(1) > _APART)
 
-    both = jax.lax.map(one, (poses, frames))
-    return both[0].mean(0), both[1].mean(0)
+    def one(given: tuple[Pose, Array, Array]) -> tuple[Bool[Array, " points"], Bool[Array, " points"]]:
+        pose, frame, wanted = given
+        nowhere = jnp.zeros(len(points), bool)
+        return jax.lax.cond(wanted, lambda: seen_in(pose, frame), lambda: (nowhere, nowhere))
+
+    both = jax.lax.map(one, (poses, frames, used))
+    return both[0].sum(0) / used.sum(), both[1].sum(0) / used.sum()

@@ -145,17 +145,17 @@ def sights_of(
         u, v, depth = (np.asarray(each) for each in seen_at)
         for c, sight in enumerate(found):
             width, height = cameras.size[c]
+            # Computed for all points: picking out those inside takes longer.
             with np.errstate(invalid="ignore"):
                 inside = (u[c] >= -0.5) & (v[c] >= -0.5) & (u[c] < width - 0.5) & (v[c] < height - 0.5)
+                pixel = (v[c] + 0.5).astype(np.int32) * columns + (u[c] + 0.5).astype(np.int32)
             if not inside.any():
                 continue
-            row, column = ((a[c, inside] + 0.5).astype(int) for a in (v, u))
-            pixel = row * columns + column
-            if hidden is not None:
-                pixel = np.where(hidden[f, c, row, column], -1, pixel)
-            sight.pixel[f, inside] = pixel
-            breadth = depth[c, inside] / focal[c]
-            sight.breadth[f, inside] = breadth / samples.half[f]
+            breadth = depth[c] / focal[c]
+            sight.breadth[f] = np.where(inside, breadth / samples.half[f], 0)
             # Neighbouring points are farthest apart along the diagonals of their cubes.
-            sight.side[f] = max(1, np.ceil(np.sqrt(3) * samples.spacing[f] / np.median(breadth)))
+            sight.side[f] = max(1, np.ceil(np.sqrt(3) * samples.spacing[f] / np.median(breadth[inside])))
+            if hidden is not None:
+                inside[inside] = ~hidden[f, c].reshape(-1).take(pixel[inside])
+            sight.pixel[f] = np.where(inside, pixel, -1)
     return found

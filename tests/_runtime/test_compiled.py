@@ -1,6 +1,7 @@
 """Programs that are compiled ahead, found again by their text, or compiled by a quicker emitter, give the same."""
 
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import equinox as eqx
 import jax
@@ -37,6 +38,21 @@ def test_after_a_change_of_the_function_it_is_compiled(folder, monkeypatch):
     monkeypatch.setattr(_kept, "write_program", no_compilation)
     with pytest.raises(AssertionError, match="compiled again"):
         CachedJit(solved)(*given(), 2)
+
+
+def test_arguments_that_share_their_shape_have_the_same_program_as_others(folder):
+    # Arrays of one JAX program share the tuple of their shapes; stand-ins that programs are compiled ahead for do not.
+    one = jax.numpy.ones((3, 3))
+    for matrices in ((one, one), (np.ones((3, 3), np.float32), np.ones((3, 3), np.float32))):
+        CachedJit(halved)(*matrices)
+    assert len(list(folder.iterdir())) == 1
+
+
+def test_a_kept_program_does_not_hold_which_lines_it_comes_from(folder):
+    CachedJit(halved)(given()[0])
+    (program,) = folder.iterdir()
+    assert Path(__file__).name.encode() not in program.read_bytes()
+    assert b"/div" not in program.read_bytes()
 
 
 def test_what_is_compiled_ahead_is_not_compiled_again():
