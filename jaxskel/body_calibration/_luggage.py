@@ -65,7 +65,7 @@ def _carried(
     observed: Observed,
     points: Float[Array | np.ndarray, "points 3"],
 ) -> tuple[Float[Array, " points"], Float[Array, " points"]]:
-    """Shares of the used frames in which points (m, relative to the chest) are inside all silhouettes, outside the body.
+    """Shares of the used frames where points (m, relative to the chest) are inside all silhouettes, outside the body.
 
     Once outside of trunk, head and legs, and once outside of the arms, too.
     """
