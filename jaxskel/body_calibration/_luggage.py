@@ -37,11 +37,11 @@ def find_luggage(body: Body, poses: Pose, observed: Observed, frames: Int[np.nda
         frames: Index of each pose's frame in `observed`.
     """
     some = np.unique(np.linspace(0, len(frames) - 1, _FRAMES).astype(int))
-    chosen = padded((take(poses, some), frames[some].astype(np.int32)), _FRAMES)
+    poses, frames = padded((take(poses, some), frames[some].astype(np.int32)), _FRAMES)
     used = np.arange(_FRAMES) < len(some)
     size = [np.arange(-low, high, _SPACING) for low, high in ((_FRONT, _FRONT), (_SIDE, _SIDE), (_DOWN, _UP))]
     points = np.stack(np.meshgrid(*size, indexing="ij"), -1).reshape(-1, 3).astype(np.float32)
-    shown, armed = (np.asarray(a) for a in _carried(single_precision(body), *chosen, used, observed, points))
+    shown, armed = (np.asarray(a) for a in _carried(single_precision(body), poses, frames, used, observed, points))
     carried = points[(shown >= _SEEN) & (armed >= _NO_ARM)]
     behind = carried[:, 0] < 0
     carried = carried[behind == (2 * behind.sum() >= len(carried))]

@@ -192,7 +192,7 @@ def _by_following(
         return Searched(jax.tree.map(lambda a: a[0], best.poses), best.cost[0], float(sides[0]))
 
     with stopwatch("search"):
-        followed = follow_frame(model, tracking, track, observed)
+        followed = follow_frame(model, tracking, frame.fps, track, observed)
         if followed is None:
             return None
         if due:
@@ -202,7 +202,7 @@ def _by_following(
                 frame, prepared, settings, label=False, outlines=False, stopwatch=stopwatch, at_once=1
             )  # fmt: skip
             if len(found.seen.frames):
-                followed = search_in_doubt(model, tracking, track, followed, steps(), observed)
+                followed = search_in_doubt(model, tracking, frame.fps, track, followed, steps(), observed)
         return seen, start_from(followed.found, observed, followed.sides, prepared), followed.track
 
 

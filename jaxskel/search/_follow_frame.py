@@ -28,15 +28,15 @@ _ASTRAY = 1.5
 _AT_ONCE, _IN_DOUBT = 30, 4
 
 
-def follow_frame(model: Model, tracking: Tracking, track: Track, observed: Observed) -> Followed | None:
+def follow_frame(model: Model, tracking: Tracking, fps: float, track: Track, observed: Observed) -> Followed | None:
     """Follow the person into one more frame; None where the track has gone astray, so that it must be searched in.
 
     An ongoing search is taken on. Arguments and results are those of `track_frames`; `observed` is a stack of one
     frame.
     """
-    stack = on_device(observed, 1)
-    track, offer = _searched_on(model, tracking, track, stack, _steps(tracking, track))
-    followed = _followed(model, tracking, track, stack, offer)
+    stack, offering = on_device(observed, 1), tracking.for_one_offer(fps)
+    track, offer = _searched_on(model, offering, track, stack, _steps(tracking, track))
+    followed = _followed(model, offering, track, stack, offer)
     if followed.found.cost[0, 0] > _ASTRAY * _unusual(track):
         return None
     return followed
@@ -45,6 +45,7 @@ def follow_frame(model: Model, tracking: Tracking, track: Track, observed: Obser
 def search_in_doubt(
     model: Model,
     tracking: Tracking,
+    fps: float,
     track: Track,
     followed: Followed,
     steps: Steps[Searched],
@@ -55,19 +56,20 @@ def search_in_doubt(
     Args:
         model: The subject.
         tracking: Settings of tracking.
+        fps: Frames per second.
         track: State after the frame before.
         followed: Result of `follow_frame`.
         steps: The search; where it does not end soon, it goes on in the next frames.
         observed: A stack of this frame.
     """
-    stack = on_device(observed, 1)
-    after, offer = _searched_on(model, tracking, begun(followed.track, followed.found, steps), stack, _AT_ONCE)
+    stack, offering = on_device(observed, 1), tracking.for_one_offer(fps)
+    after, offer = _searched_on(model, offering, begun(followed.track, followed.found, steps), stack, _AT_ONCE)
     if offer is None:
         return Followed(_told(followed.found, after), np.array([after.sides]), after)
     track = replace(
         track, since=after.since - 1, sides=after.sides, ongoing=after.ongoing, alternatives=after.alternatives
     )
-    return _followed(model, tracking, track, stack, offer)
+    return _followed(model, offering, track, stack, offer)
 
 
 def _followed(model: Model, tracking: Tracking, track: Track, stack: Observed, offer: Pool | None) -> Followed:

@@ -57,6 +57,15 @@ class Tracking(eqx.Module):
         turn = wider * self.turn_margin if fps >= _TURNING else margin
         return replace(self, margin=margin, turn_margin=max(turn, margin))
 
+    def for_one_offer(self, fps: float) -> "Tracking":
+        """The same with the margin of a pose that a search offers in a stream.
+
+        It holds until the next search. In a stack, all frames until then pay for the jump together, so here the one
+        that takes it pays its share. Of 30 films in clothes, 7.7 % of the hands were wrong, and 7.9 with the whole
+        margin; of 15 naked ones 0.4 with either.
+        """
+        return replace(self, margin=self.margin / between_searches(self, fps))
+
     def with_turns(self, margin: float) -> "Tracking":
         """The same with another margin for poses that face the other way."""
         return replace(self, turn_margin=margin)

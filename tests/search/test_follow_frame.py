@@ -57,7 +57,7 @@ def test_a_search_is_put_off_in_a_hurry(filmed):
     track = Track(pose, some(filmed.truth, 4), 0, np.full(30, 3.0), 0.5, Ongoing(found_at(pose, 3.0), pose, 3.0))
     stack = on_device(some(filmed.observed, [6]), 1)
     for _ in range(4):  # more than the search has steps
-        followed = follow_frame(make_model(BODY), Tracking(), hurried(track), stack)
+        followed = follow_frame(make_model(BODY), Tracking(), FPS, hurried(track), stack)
         assert followed is not None
         assert followed.track.ongoing is not None
         assert followed.track.ongoing.steps is track.ongoing.steps
@@ -80,8 +80,11 @@ def raised_arm(pose: Pose) -> Pose:
     return Pose(pose.root, rotations)
 
 
-@pytest.mark.parametrize(("cost", "better"), [(3.0, True), (98.5, False)])
-def test_what_a_search_found_is_carried_to_the_frame_that_has_come(filmed, cost, better):
+@pytest.mark.parametrize(
+    ("cost", "tracking", "better"),
+    [(3.0, Tracking(), True), (98.5, Tracking(), False), (98.5, Tracking().for_one_offer(FPS), True)],
+)
+def test_what_a_search_found_is_carried_to_the_frame_that_has_come(filmed, cost, tracking, better):
     model = make_model(BODY)
 
     def wrong(frame: int) -> Pose:
@@ -91,10 +94,10 @@ def test_what_a_search_found_is_carried_to_the_frame_that_has_come(filmed, cost,
     track = Track(wrong(5), wrong(4), 0, np.full(30, 3.0), 0.5, ongoing)
     stack = on_device(some(filmed.observed, [6]), 1)
     for _ in range(2):
-        track, offer = search_on(model, Tracking(), track, stack)
+        track, offer = search_on(model, tracking, track, stack)
         assert offer is None
         assert track.ongoing is not None
-    track, offer = search_on(model, Tracking(), track, stack)
+    track, offer = search_on(model, tracking, track, stack)
     assert track.ongoing is None
     assert track.sides == 0.9
     assert (offer is not None) == better
@@ -102,6 +105,12 @@ def test_what_a_search_found_is_carried_to_the_frame_that_has_come(filmed, cost,
     np.testing.assert_allclose(track.alternatives.excess, [cost - 100])
     if offer is not None:
         assert np.linalg.norm(joints_of(offer.poses)[0] - filmed.joints[6], axis=-1).max() < 0.08
+
+
+def test_frames_from_one_search_to_the_next_pay_one_margin():
+    assert Tracking().for_one_offer(FPS).margin * 6 == pytest.approx(Tracking().margin)  # a quarter of a second
+    assert Tracking().for_one_offer(FPS).turn_margin == Tracking().turn_margin
+    assert Tracking(interval=0.0).for_one_offer(FPS).margin == Tracking().margin
 
 
 @pytest.mark.parametrize(("cost", "frames"), [(3.0, 5), (6.0, 3)])
@@ -113,7 +122,7 @@ def test_a_search_rests_in_every_other_frame_while_all_is_as_usual(filmed, cost,
     stack = on_device(some(filmed.observed, [6]), 1)
     taken = 0
     while track.ongoing is not None:
-        followed = follow_frame(make_model(BODY), Tracking(), replace(track, costs=costs), stack)
+        followed = follow_frame(make_model(BODY), Tracking(), FPS, replace(track, costs=costs), stack)
         assert followed is not None
         track = followed.track
         taken += 1
@@ -124,7 +133,7 @@ def test_doubt_is_searched_for_at_once(filmed):
     model, truth = make_model(BODY), some(filmed.truth, 6)
     before = Track(some(filmed.truth, 5), some(filmed.truth, 4), 9, np.full(30, 3.0))
     stack = on_device(some(filmed.observed, [6]), 1)
-    followed = follow_frame(model, Tracking(), before, stack)
+    followed = follow_frame(model, Tracking(), FPS, before, stack)
     assert followed is not None
     assert not doubt_arises(Tracking(), FPS, followed.track)
     raised = raised_arm(followed.track.last)
@@ -133,7 +142,7 @@ def test_doubt_is_searched_for_at_once(filmed):
     assert not doubt_arises(Tracking(), FPS, replace(doubtful, since=2))
     wrong = replace(followed.found, poses=jax.tree.map(lambda a: a[None, None], raised), cost=np.full((1, 1), 15.0))
     found, sides, after, _ = search_in_doubt(
-        model, Tracking(), before, followed._replace(found=wrong, track=doubtful), found_at(truth, 3.0), stack
+        model, Tracking(), FPS, before, followed._replace(found=wrong, track=doubtful), found_at(truth, 3.0), stack
     )  # fmt: skip
     assert after.ongoing is None
     assert after.since == 0
@@ -144,9 +153,9 @@ def test_doubt_is_searched_for_at_once(filmed):
 def test_a_walk_is_followed_and_a_jump_is_astray(filmed):
     model, track = make_model(BODY), Track(some(filmed.truth, 0), some(filmed.truth, 0), 0, np.full(30, 3.0))
     for frame in range(1, 5):
-        found = follow_frame(model, Tracking(), track, on_device(some(filmed.observed, [frame]), 1))
+        found = follow_frame(model, Tracking(), FPS, track, on_device(some(filmed.observed, [frame]), 1))
         assert found is not None
         hypotheses, _, track, _ = found
         assert np.linalg.norm(joints_of(hypotheses.best)[0] - filmed.joints[frame], axis=-1).max() < 0.08
     away = eqx.tree_at(lambda t: t.last.root, track, track.last.root + np.float32([0.6, 0, 0]))
-    assert follow_frame(model, Tracking(), away, on_device(some(filmed.observed, [5]), 1)) is None
+    assert follow_frame(model, Tracking(), FPS, away, on_device(some(filmed.observed, [5]), 1)) is None
