@@ -1,7 +1,6 @@
 """Who is it? A first guess from one frame, where nobody should wait."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -28,8 +27,8 @@ def guess_subject(
     Thick clothes, luggage and long hair are not looked for. Nor is there a wide search where poses cost much: the usual
     body fits many people badly whom their own fits well.
     """
-    narrow, every = replace(search.without_rivals(), doubtful=np.inf), np.arange(len(sight.middles))
-    given = Given(template, prior, sight, on_device(sight.observed, 1), narrow)
+    every = np.arange(len(sight.middles))
+    given = Given(template, prior, sight, on_device(sight.observed, 1), search.without_rivals()).narrow
 
     def of_size(size: float) -> tuple[Shape, Hypotheses]:
         shape = prior(size * template.stature).mean

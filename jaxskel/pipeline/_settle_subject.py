@@ -99,7 +99,10 @@ def settled(
         fits = given.refits and adjusted.clothes < _TIGHT
         refitted |= fits
         scale = _NEARLY_RIGHT if fits else FIRST_SCALE
-        found = given.poses_from(found, shape) if fits else given.poses_of(shape, every)
+        if fits:
+            found = given.poses_from(found, shape)
+        else:
+            found = given.poses_of(shape, every) if turn == 0 else given.poses_again(found, shape)
     on_stage(STAGES[4])
     poses = take(adjusted.poses, np.flatnonzero(used))
     deviation = _stature_deviation(template, shape, adjusted.covariance)

@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from .._runtime.batching import on_device
+from .._runtime.batching import on_device, take
 from ..body import Prior, Shape, Skeleton, measured_body
 from ..body_calibration import (
     Addition,
@@ -22,7 +22,7 @@ from ..body_calibration import (
 )
 from ..search import Hypotheses, Search
 from ._settle_subject import STAGES, Subject, settled, with_priors
-from ._subject_frames import Given, Sight
+from ._subject_frames import Given, Sight, typical
 
 OTHER_SIZES = (0.8, 1.35)
 """Sizes to try where nobody has measured the subject. The graph of a real child in wide clothes was too short by a
@@ -59,10 +59,9 @@ def find_subject(
         on_stage: Called with each of `STAGES` as it begins.
     """
     given = Given(template, prior, sight, on_device(sight.observed), search.without_rivals())
-    every = np.arange(len(sight.middles))
     on_stage(STAGES[0])
     shape = prior(template.stature).mean
-    found = given.poses_of(shape, every)
+    found = given.poses_of_all(shape, given.poses_of(shape, given.tried))
     subject = _without_additions(given, shape, found, sizes, on_stage)
     # Also where the template fits: with three cameras, arms explained the whole of a backpack (`crowd_40` in clothes).
     bag = _luggage_of(subject, given)
@@ -104,11 +103,12 @@ def _with_addition(
         on_stage: Called with each of `STAGES` as it begins.
     """
     best, least = None, np.inf
+    every = np.arange(len(given.sight.middles))
     for start, addition in starts:
         shape = with_addition(start, measured_body(given.template, start), addition)
         expects = partial(_expecting, given.prior, shape, addition)
         loaded = given._replace(prior=expects, refits=False)
-        subject = settled(loaded, shape, loaded.poses_of(shape, np.arange(len(given.sight.middles))), on_stage)
+        subject = settled(loaded, shape, loaded.narrow.poses_of(shape, every), on_stage)
         if subject.cost < min(addition.worth * without.cost, least):
             best, least = (subject, loaded, addition), subject.cost
     return best
@@ -121,7 +121,7 @@ def _expecting(prior: Callable[[float], Prior], shape: Shape, addition: Addition
 def _without_additions(
     given: Given, shape: Shape, found: Hypotheses, sizes: tuple[float, ...], on_stage: Callable[[str], None]
 ) -> Subject:
-    if np.median(found.cost[given.tried, 0]) <= given.search.doubtful_cost:
+    if typical(take(found, given.tried)) <= given.search.doubtful_cost:
         return settled(given, shape, found, on_stage)
     return _of_other_sizes_and_clothes(given, shape, found, sizes, on_stage)
 
@@ -134,18 +134,19 @@ def _of_other_sizes_and_clothes(
     given: Given, shape: Shape, found: Hypotheses, sizes: tuple[float, ...], on_stage: Callable[[str], None]
 ) -> Subject:
     """The cheapest subject of all sizes, with clothes and without, where none of the template's size fits."""
-    every = np.arange(len(given.sight.middles))
-    best, least = shape, float(np.median(found.cost[given.tried, 0]))
+    tried = take(found, given.tried)
+    best, least = shape, typical(tried)
     for size in sizes:
         other = given.prior(size * given.template.stature).mean
-        cost = float(np.median(given.poses_of(other, given.tried).cost[:, 0]))
-        if cost < _CLEARLY * least:
-            best, least = other, cost
+        # Half of these frames tell whether it may be better; most sizes are not, and a wide search takes long.
+        if typical(given.poses_of(other, given.tried[::2])) >= least:
+            continue
+        poses = given.poses_of(other, given.tried)
+        if typical(poses) < _CLEARLY * least:
+            best, least, tried = other, typical(poses), poses
     if best is not shape:
-        found = given.poses_of(best, every)
+        found = given.poses_of_all(best, tried)
     clothed = dressed(best, _THICK)
-    subjects = [
-        settled(given, start, poses, on_stage)
-        for start, poses in ((best, found), (clothed, given.poses_of(clothed, every)))
-    ]
+    in_clothes = given.narrow.poses_of(clothed, np.arange(len(given.sight.middles)))
+    subjects = [settled(given, start, poses, on_stage) for start, poses in ((best, found), (clothed, in_clothes))]
     return min(subjects, key=lambda subject: subject.cost)

@@ -1,8 +1,10 @@
 """The frames that a subject is looked for in, and the poses of a body in them."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
+import jax
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -29,6 +31,11 @@ FINE = fit_scales((0.04, 4))
 """Scales of a fit from poses that are nearly right."""
 NO_PRIOR = 0.0
 """Bodies are found without priors of poses, which would make the same error in all frames of an unusual motion."""
+
+
+def typical(found: Hypotheses) -> float:
+    """Median cost of the best poses of some frames."""
+    return float(np.median(found.cost[:, 0]))
 
 
 class Sight(NamedTuple):
@@ -61,10 +68,27 @@ class Given(NamedTuple):
     refits: bool = True
 
     @property
+    def narrow(self) -> "Given":
+        """The same, but no frame is searched in more widely because its poses cost much."""
+        return self._replace(search=replace(self.search, doubtful=np.inf))
+
+    @property
     def tried(self) -> Int[np.ndarray, " some"]:
         """Frames that other sizes are tried on."""
         every = np.arange(len(self.sight.middles))
         return every[:: -(-len(every) // _TRIED)]
+
+    def poses_of_all(self, shape: Shape, tried: Hypotheses) -> Hypotheses:
+        """The poses of a body in all frames, given those in the frames that sizes are tried on.
+
+        If these cost too much, wide searches would cost much in the others and find little: first the body must fit.
+        """
+        others = np.setdiff1d(np.arange(len(self.sight.middles)), self.tried)
+        if len(others) == 0:
+            return tried
+        searching = self if typical(tried) <= self.search.doubtful_cost else self.narrow
+        both = jax.tree.map(lambda *some: np.concatenate(some), tried, searching.poses_of(shape, others))
+        return take(both, np.argsort(np.concatenate([self.tried, others])))
 
     def poses_of(self, shape: Shape, frames: Int[np.ndarray, " some"]) -> Hypotheses:
         """Search for the poses of a body in some frames."""
@@ -78,12 +102,30 @@ class Given(NamedTuple):
 
     def poses_from(self, found: Hypotheses, shape: Shape) -> Hypotheses:
         """The poses of another body of nearly the same shape, from those found; searched for where none fits."""
+        fitted = self._refitted(found, shape, np.arange(len(found.cost)))
+        doubtful = self._doubtful(fitted)
+        return _cheaper(fitted, self.poses_of(shape, doubtful), doubtful) if len(doubtful) else fitted
+
+    def poses_again(self, found: Hypotheses, shape: Shape) -> Hypotheses:
+        """Search for the poses of another body; where they cost much, those found before are fitted to it, too.
+
+        Instead of a wide search, which has already been made for a similar body.
+        """
+        again = self.narrow.poses_of(shape, np.arange(len(found.cost)))
+        doubtful = self._doubtful(again)
+        return _cheaper(again, self._refitted(found, shape, doubtful), doubtful) if len(doubtful) else again
+
+    def _doubtful(self, found: Hypotheses) -> Int[np.ndarray, " some"]:
+        return np.flatnonzero(found.cost[:, 0] > self.search.doubtful_cost)
+
+    def _refitted(self, found: Hypotheses, shape: Shape, frames: Int[np.ndarray, " some"]) -> Hypotheses:
+        """The hypotheses of some frames, fitted to a body."""
         to_fit = fit_of(measured_body(self.template, shape), self.search.objective, NO_PRIOR)
-        every, count = np.arange(len(found.cost)), found.cost.shape[1]
-        fitted = fit_pool(*to_fit, found.pool(every), self.stack, FINE).rows(every, count)
-        doubtful = np.flatnonzero(fitted.cost[:, 0] > self.search.doubtful_cost)
-        if len(doubtful) == 0:
-            return fitted
-        again = self.poses_of(shape, doubtful)
-        better = again.cost[:, 0] < fitted.cost[doubtful, 0]
-        return fitted.replaced(doubtful[better], take(again, better))
+        pool = take(found, frames).pool(frames)
+        return fit_pool(*to_fit, pool, self.stack, FINE).rows(frames, found.cost.shape[1])
+
+
+def _cheaper(found: Hypotheses, others: Hypotheses, frames: Int[np.ndarray, " some"]) -> Hypotheses:
+    """What was found, and in some frames others, if their best is cheaper."""
+    better = others.cost[:, 0] < found.cost[frames, 0]
+    return found.replaced(frames[better], take(others, better))
