@@ -2,8 +2,6 @@
 
 from collections.abc import Callable
 
-import numpy as np
-
 from .._runtime.batching import on_device
 from ..body import Prior, Shape, Skeleton
 from ..search import Hypotheses, Search
@@ -27,12 +25,11 @@ def guess_subject(
     Thick clothes, luggage and long hair are not looked for. Nor is there a wide search where poses cost much: the usual
     body fits many people badly whom their own fits well.
     """
-    every = np.arange(len(sight.middles))
     given = Given(template, prior, sight, on_device(sight.observed, 1), search.without_rivals()).narrow
 
     def of_size(size: float) -> tuple[Shape, Hypotheses]:
         shape = prior(size * template.stature).mean
-        return shape, given.poses_of(shape, every)
+        return shape, given.poses_of(shape, given.every)
 
     def guessed(shape: Shape, found: Hypotheses) -> Subject:
         return settled(given, shape, found, lambda _: None, _GUESSES)

@@ -12,7 +12,7 @@ from ..body import Body, Pose, Shape, Skeleton, measured_body, shaped_skeleton
 from ..body_calibration import FIRST_SCALE, bundle_adjust
 from ..search import Hypotheses, fit_of, fit_pool, pool_of, prior_in_clothes
 from ._prepared import Costs
-from ._subject_frames import FINE, NO_PRIOR, Given
+from ._subject_frames import FINE, NO_PRIOR, Given, typical
 
 STAGES = ("searching", "adjusting", "searching again", "adjusting again", "judging")
 """What `find_subject` does, one after the other."""
@@ -72,8 +72,8 @@ def settled(
     given: Given, shape: Shape, found: Hypotheses, on_stage: Callable[[str], None], rounds: int = _ROUNDS
 ) -> Subject:
     """Adjust the body and its poses, and search again with it, until neither stature nor costs change."""
-    template, every = given.template, np.arange(len(given.sight.middles))
-    before, cost = measured_body(template, shape).skeleton.stature, float(np.median(found.cost[:, 0]))
+    template = given.template
+    before, cost = measured_body(template, shape).skeleton.stature, typical(found)
     thinned, refitted, scale = given.stack.thinned(THINNED), False, FIRST_SCALE
     for turn in range(rounds):
         on_stage(STAGES[1 if turn == 0 else 3])
@@ -91,7 +91,7 @@ def settled(
         change, before = abs(body.skeleton.stature / before - 1), body.skeleton.stature
         if turn == rounds - 1:
             break
-        last, now = cost, float(np.median(found.cost[:, 0]))
+        last, now = cost, typical(found)
         if turn > 0 and change < _SETTLED and now > _CHEAPER * last:
             break
         cost = now
@@ -102,7 +102,7 @@ def settled(
         if fits:
             found = given.poses_from(found, shape)
         else:
-            found = given.poses_of(shape, every) if turn == 0 else given.poses_again(found, shape)
+            found = given.poses_of(shape, given.every) if turn == 0 else given.poses_again(found, shape)
     on_stage(STAGES[4])
     poses = take(adjusted.poses, np.flatnonzero(used))
     deviation = _stature_deviation(template, shape, adjusted.covariance)
@@ -120,8 +120,8 @@ def _costs(given: Given, body: Body, poses: Pose, used: Bool[np.ndarray, " frame
     """What the poses of a body cost if priors of poses count `prior` times."""
     pool = pool_of(jax.tree.map(lambda a: a[:, None], poses), np.flatnonzero(used))
     fitted = fit_pool(*fit_of(body, given.search.objective, prior), pool, given.stack, FINE)
-    low, typical = np.quantile(fitted.cost, (0.1, 0.5))
-    return Costs(float(low), float(typical))
+    low, median = np.quantile(fitted.cost, (0.1, 0.5))
+    return Costs(float(low), float(median))
 
 
 def _stature_deviation(template: Skeleton, shape: Shape, covariance: Float[np.ndarray, "lengths lengths"]) -> float:

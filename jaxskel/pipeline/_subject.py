@@ -103,12 +103,11 @@ def _with_addition(
         on_stage: Called with each of `STAGES` as it begins.
     """
     best, least = None, np.inf
-    every = np.arange(len(given.sight.middles))
     for start, addition in starts:
         shape = with_addition(start, measured_body(given.template, start), addition)
         expects = partial(_expecting, given.prior, shape, addition)
         loaded = given._replace(prior=expects, refits=False)
-        subject = settled(loaded, shape, loaded.narrow.poses_of(shape, every), on_stage)
+        subject = settled(loaded, shape, loaded.narrow.poses_of(shape, given.every), on_stage)
         if subject.cost < min(addition.worth * without.cost, least):
             best, least = (subject, loaded, addition), subject.cost
     return best
@@ -148,6 +147,6 @@ def _of_other_sizes_and_clothes(
         found = given.poses_of_all(best, tried)
     clothed = dressed(best, _THICK)
     # Widely: found narrowly, a real child costs 58 with its final body, and 54 so.
-    in_clothes = given.poses_of(clothed, np.arange(len(given.sight.middles)))
+    in_clothes = given.poses_of(clothed, given.every)
     subjects = [settled(given, start, poses, on_stage) for start, poses in ((best, found), (clothed, in_clothes))]
     return min(subjects, key=lambda subject: subject.cost)

@@ -73,17 +73,21 @@ class Given(NamedTuple):
         return self._replace(search=replace(self.search, doubtful=np.inf))
 
     @property
+    def every(self) -> Int[np.ndarray, " frames"]:
+        """All frames."""
+        return np.arange(len(self.sight.middles))
+
+    @property
     def tried(self) -> Int[np.ndarray, " some"]:
         """Frames that other sizes are tried on."""
-        every = np.arange(len(self.sight.middles))
-        return every[:: -(-len(every) // _TRIED)]
+        return self.every[:: -(-len(self.every) // _TRIED)]
 
     def poses_of_all(self, shape: Shape, tried: Hypotheses) -> Hypotheses:
         """The poses of a body in all frames, given those in the frames that sizes are tried on.
 
         If these cost too much, wide searches would cost much in the others and find little: first the body must fit.
         """
-        others = np.setdiff1d(np.arange(len(self.sight.middles)), self.tried)
+        others = np.setdiff1d(self.every, self.tried)
         if len(others) == 0:
             return tried
         searching = self if typical(tried) <= self.search.doubtful_cost else self.narrow
@@ -102,7 +106,7 @@ class Given(NamedTuple):
 
     def poses_from(self, found: Hypotheses, shape: Shape) -> Hypotheses:
         """The poses of another body of nearly the same shape, from those found; searched for where none fits."""
-        fitted = self._refitted(found, shape, np.arange(len(found.cost)))
+        fitted = self._refitted(found, shape, self.every)
         doubtful = self._doubtful(fitted)
         return _cheaper(fitted, self.poses_of(shape, doubtful), doubtful) if len(doubtful) else fitted
 
@@ -111,7 +115,7 @@ class Given(NamedTuple):
 
         Instead of a wide search, which has already been made for a similar body.
         """
-        again = self.narrow.poses_of(shape, np.arange(len(found.cost)))
+        again = self.narrow.poses_of(shape, self.every)
         doubtful = self._doubtful(again)
         return _cheaper(again, self._refitted(found, shape, doubtful), doubtful) if len(doubtful) else again
 
