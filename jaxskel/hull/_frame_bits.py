@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Int, UInt, UInt8, UInt32
 
 from .._runtime.batching import step_above
-from .._runtime.compile_cache import cached_jit
+from .._runtime.compile_cache import quickly_compiled
 from .._runtime.materialise import computed_once
 
 FRAMES_PER_WORD = 32
@@ -84,7 +84,7 @@ def frame_words(windows: Windows) -> UInt32[np.ndarray, "cams places"]:
     return words
 
 
-@cached_jit
+@quickly_compiled
 def _words_of(packed: UInt8[Array | np.ndarray, "frames=32 bytes"]) -> UInt32[Array, " pixels"]:
     """Transpose packed bits of 32 frames into one word per pixel."""
     quarters = [_transposed([packed[f + k] for k in range(8)]) for f in range(0, FRAMES_PER_WORD, 8)]
