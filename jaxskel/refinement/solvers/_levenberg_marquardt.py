@@ -119,11 +119,12 @@ class NormalEquationsLM(optx.AbstractLeastSquaresSolver):
     ) -> _State:
         """Initial state: the first trial is the start itself."""
 
-        def known(y: Any) -> tuple[Any, AbstractEquations]:
-            residual, slope, _ = jax.linearize(lambda y: fn(y, args), y, has_aux=True)
-            return residual, self.equations.of(y, residual, slope)
+        def zeros(tree: Any) -> Any:
+            return jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), tree)
 
-        residual, equations = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), jax.eval_shape(known, y))
+        residual = zeros(f_struct)
+        # Only shapes are needed: the residual's derivative, which takes long to trace, is left to the step.
+        equations = zeros(jax.eval_shape(lambda y: self.equations.of(y, residual, lambda _: residual), y))
         search = self.search.init(y, f_struct)
         return _State(jnp.array(True), y, search, residual, equations, jnp.array(False), optx.RESULTS.successful)
 
