@@ -87,13 +87,12 @@ def frame_words(windows: Windows) -> UInt32[np.ndarray, "cams places"]:
 @quickly_compiled
 def _words_of(packed: UInt8[Array | np.ndarray, "frames=32 bytes"]) -> UInt32[Array, " pixels"]:
     """Transpose packed bits of 32 frames into one word per pixel."""
-    quarters = [_transposed([packed[f + k] for k in range(8)]) for f in range(0, FRAMES_PER_WORD, 8)]
-    # Materialise intermediate results: interleaving bytes and words then runs at memory speed.
     anything = packed[0, 0].astype(jnp.float32)
-    quarters = computed_once(quarters, anything)
-    bytes_of_words = [jnp.stack(parts, -1) for parts in zip(*quarters, strict=True)]
-    words = [jax.lax.bitcast_convert_type(each, jnp.uint32) for each in bytes_of_words]
-    return jnp.stack(computed_once(words, anything), -1).reshape(-1)
+    quarters = packed.reshape(FRAMES_PER_WORD // 8, 8, -1)
+    # Materialise intermediate results: interleaving bytes and words then runs at memory speed.
+    bits = computed_once(jnp.stack(_transposed([quarters[:, row] for row in range(8)])), anything)  # 8 quarters bytes
+    words = computed_once(jax.lax.bitcast_convert_type(jnp.moveaxis(bits, 1, -1), jnp.uint32), anything)
+    return words.T.reshape(-1)
 
 
 def cell_words(
