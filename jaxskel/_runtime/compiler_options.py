@@ -7,9 +7,10 @@ import jax
 import jax.numpy as jnp
 
 QUICK = {"xla_cpu_use_fusion_emitters": False}
-"""XLA for CPUs has two emitters of code. The older one compiles in half the time. For these programs it makes code as
-fast: scores of limbs, the linearised body, turned poses, words and blocks of pixels (`crowd_08`: 49 s of compilation
-become 26 s). Fits and the refinement take twice as long with it, unexplained outlines of a single frame three times."""
+"""XLA for CPUs has two emitters of code. The older one compiles in half the time. What it makes is as fast for the
+refinement by graphs alone (29 and 34 ms for 16 frames of `crowd_07`), turned poses, words and blocks of pixels. Scores
+of limbs take half as long again and the linearised body a third, which is 3 % of a frame (`crowd_08`; 49 s of
+compilation became 26 s). Fits and the refinement by outlines take twice as long, unexplained outlines seven times."""
 
 
 def accepted(options: dict[str, Any]) -> dict[str, Any]:

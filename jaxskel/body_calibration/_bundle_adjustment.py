@@ -87,17 +87,21 @@ class Adjusted(NamedTuple):
     clothes: float
 
 
-class Equations(eqx.Module):
-    """Normal equations of one frame, linearised: the unknowns of the pose come first, then those of the body.
+class Linear(eqx.Module):
+    """One frame linearised: balls and other residuals as functions of the unknowns of pose and body.
 
     Attributes:
-        pull: Right-hand side, minus half the gradient.
+        balls: Derivative of centres and radii by the unknowns.
+        rows: Derivative of the residuals by the unknowns.
         apart: Median distance between the outlines and the body (m).
     """
 
-    matrix: Float[Array | np.ndarray, "unknowns unknowns"]
-    pull: Float[Array | np.ndarray, " unknowns"]
-    apart: Float[Array | np.ndarray, ""]
+    matrix: Float[Array, "capsules 8 8"]
+    vector: Float[Array, "capsules 8"]
+    balls: Float[Array, "balls 4 unknowns"]
+    residuals: Float[Array, " rows"]
+    rows: Float[Array, "rows unknowns"]
+    apart: Float[Array, ""]
 
 
 def bundle_adjust(
@@ -164,12 +168,13 @@ def _step(
 ) -> tuple[Adjusted, float]:
     start = single_precision(before.shape)
     used = np.isin(np.arange(len(before.poses.root)), frames)
-    equations = linearised(template, start, before.poses, observed, used, joints, scale, weight)
-    equations = jax.tree.map(lambda a: np.asarray(a)[frames].astype(np.float64), equations)
+    linear = linearised(template, start, before.poses, observed, used, joints, scale, weight)
+    linear = jax.tree.map(lambda a: np.asarray(a)[frames].astype(np.float64), linear)
     vector, count = before.shape.vector, len(before.shape.vector)
     matrix, pull = np.zeros((count, count)), np.zeros(count)
     solved = []
-    for inner, gradient in zip(equations.matrix, equations.pull, strict=True):
+    for row in range(len(frames)):
+        inner, gradient = normal_equations(jax.tree.map(lambda a, i=row: a[i], linear))
         own = inner[:_POSE, :_POSE]
         own = own + np.diag(DAMPING + RELATIVE_DAMPING * np.diagonal(own))
         both = np.linalg.solve(own, np.column_stack([inner[:_POSE, _POSE:], gradient[:_POSE]]))
@@ -193,7 +198,17 @@ def _step(
     covariance = np.linalg.inv(matrix / _ALIKE + prior.precision)[of_lengths, of_lengths]
     # The tips' lengths are ignored here: they affect little else, and converge last.
     after = Adjusted(Shape.of(vector + change), poses, covariance, float(np.abs(change[:8]).max()), before.clothes)
-    return after, float(np.median(equations.apart))
+    return after, float(np.median(linear.apart))
+
+
+def normal_equations(
+    linear: Linear,
+) -> tuple[Float[np.ndarray, "unknowns unknowns"], Float[np.ndarray, " unknowns"]]:
+    """Matrix and right-hand side of one frame's normal equations: unknowns of the pose, then of the body."""
+    first, last = linear.balls[LINKS[:, 0]], linear.balls[LINKS[:, 1]]
+    ends = np.concatenate([first[:, :3], last[:, :3], first[:, 3:], last[:, 3:]], 1)  # capsules 8 unknowns
+    matrix = np.tensordot(ends, linear.matrix @ ends, ((0, 1), (0, 1))) + linear.rows.T @ linear.rows
+    return matrix, np.tensordot(linear.vector, ends, 2) - linear.rows.T @ linear.residuals
 
 
 @quickly_compiled
@@ -206,17 +221,17 @@ def linearised(
     joints: Float[Array, "stack joints 3"] | None = None,
     scale: Float[Array, ""] | np.float32 = SCALE,
     weight: Float[Array, ""] | np.float32 = _CONTOURS,
-) -> Equations:
+) -> Linear:
     """Linearise the frames of a stack that are used, one by one; known joints add residuals. The others are zeros.
 
     Scale and weight are those of the contours.
     """
 
     @jax.jit  # so that its shapes and its code come from one trace
-    def of(pose: Pose, frame: Int[Array, ""], known: Float[Array, "joints 3"] | None) -> Equations:
+    def of(pose: Pose, frame: Int[Array, ""], known: Float[Array, "joints 3"] | None) -> Linear:
         return _linearised(template, shape, pose, stack.of(frame), known, scale, weight)
 
-    def one(given: tuple[tuple[Pose, Int[Array, ""], Float[Array, "joints 3"] | None], Bool[Array, ""]]) -> Equations:
+    def one(given: tuple[tuple[Pose, Int[Array, ""], Float[Array, "joints 3"] | None], Bool[Array, ""]]) -> Linear:
         frame, wanted = given
         shapes = jax.eval_shape(of, *frame)
         nothing = jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), shapes)
@@ -233,27 +248,13 @@ def _linearised(
     joints: Float[Array, "joints 3"] | None,
     scale: Float[Array, ""] | np.float32,
     weight: Float[Array, ""] | np.float32,
-) -> Equations:
+) -> Linear:
     body = shaped_body(template, shape)
     placed = place(body.skeleton, pose)
     contours = ContourContact(body=body, weight=weight, scale=scale, inner=1.0)
     inside = InsideSilhouettes(body=body, weight=_INSIDE)
     quadrics = contour_quadrics(contours, placed, observed) + inside_quadrics(inside, placed, observed)
-    residuals, (balls, rows) = moved(template, shape, pose, observed, joints)
-    first, last = balls[LINKS[:, 0]], balls[LINKS[:, 1]]
-    ends = jnp.concatenate([first[:, :3], last[:, :3], first[:, 3:], last[:, 3:]], 1)  # capsules 8 unknowns
-    flat = ends.reshape(-1, ends.shape[-1])
-    matrix = flat.T @ (quadrics.matrix @ ends).reshape(flat.shape) + rows.T @ rows
-    apart = jnp.median(jnp.abs(contours.nearest(placed, observed)[0].distance))
-    return Equations(matrix, quadrics.vector.ravel() @ flat - residuals @ rows, apart)
-
-
-def moved(
-    template: Skeleton, shape: Shape, pose: Pose, observed: Observed, joints: Float[Array, "joints 3"] | None
-) -> tuple[Float[Array, " rows"], tuple[Float[Array, "balls 4 unknowns"], Float[Array, "rows unknowns"]]]:
-    """Residuals that do not depend on the silhouettes; derivatives of balls (centre, radius) and of these residuals."""
-    body = shaped_body(template, shape)
-    fixed = _others(body).correspond(place(body.skeleton, pose), observed)
+    fixed = _others(body).correspond(placed, observed)
 
     def retract(unknowns: Float[Array, " unknowns"]) -> tuple[Float[Array, "balls 4"], Float[Array, " rows"]]:
         body = shaped_body(template, Shape.of(unknowns[_POSE:]))
@@ -267,7 +268,9 @@ def moved(
 
     own = jnp.concatenate([jnp.ravel(part) for part in (shape.lengths, shape.fingers, shape.balls)])
     (_, residuals), tangent = jax.linearize(retract, jnp.concatenate([_HINGED.unknowns(body.skeleton), own]))
-    return residuals, jax.vmap(tangent, out_axes=-1)(jnp.eye(_POSE + len(own)))
+    balls, rows = jax.vmap(tangent, out_axes=-1)(jnp.eye(_POSE + len(own)))
+    apart = jnp.median(jnp.abs(contours.nearest(placed, observed)[0].distance))
+    return Linear(quadrics.matrix, quadrics.vector, balls, residuals, rows, apart)
 
 
 def _others(body: Body) -> Objective:

@@ -88,7 +88,7 @@ def frame_words(windows: Windows) -> UInt32[np.ndarray, "cams places"]:
 def _words_of(packed: UInt8[Array | np.ndarray, "frames=32 bytes"]) -> UInt32[Array, " pixels"]:
     """Transpose packed bits of 32 frames into one word per pixel."""
     anything = packed[0, 0].astype(jnp.float32)
-    quarters = packed.reshape(FRAMES_PER_WORD // 8, 8, -1)
+    quarters = jnp.asarray(packed).reshape(FRAMES_PER_WORD // 8, 8, -1)
     # Materialise intermediate results: interleaving bytes and words then runs at memory speed.
     bits = computed_once(jnp.stack(_transposed([quarters[:, row] for row in range(8)])), anything)  # 8 quarters bytes
     words = computed_once(jax.lax.bitcast_convert_type(jnp.moveaxis(bits, 1, -1), jnp.uint32), anything)

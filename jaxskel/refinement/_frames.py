@@ -183,8 +183,9 @@ def refine_frames_ahead(threads: Executor, *arguments: Any) -> None:
 
 
 def _program(objective: Objective) -> CachedJit[..., Refined]:
-    """Quickly compiled, frames without outlines are refined as fast (29 and 34 ms for 16), others half as fast."""
-    return _compiled if objective.needs_outlines else _quickly_compiled
+    """Frames without outlines are refined as fast where that is quickly compiled, see `QUICK`; others half as fast."""
+    outlines = getattr(objective, "needs_outlines", True)  # another Module may not say
+    return _compiled if outlines else _quickly_compiled
 
 
 def _refined(
