@@ -148,12 +148,10 @@ def refine_frames(
         ValueError: A term couples frames: use `refine_sequence`. Or an argument makes no sense.
     """
     check_frames(objective, parametrisation, solver, skeleton, initial, observed, rounds, max_steps)
-    count = len(initial.root)
+    count, program = len(initial.root), _program(objective)
 
     def solved(initial: Pose, observed: Observed) -> Refined:
-        return _program(objective)(
-            objective, parametrisation, solver, skeleton, initial, observed, rounds, max_steps
-        )  # fmt: skip
+        return program(objective, parametrisation, solver, skeleton, initial, observed, rounds, max_steps)
 
     # A frame by itself has a program of its own, see `_refined`.
     size = 1 if count == 1 else next((size for size in _STACKS if count <= size), _STACKS[-1])
@@ -183,7 +181,7 @@ def refine_frames_ahead(threads: Executor, *arguments: Any) -> None:
 
 
 def _program(objective: Objective) -> CachedJit[..., Refined]:
-    """Frames without outlines are refined as fast where that is quickly compiled, see `QUICK`; others half as fast."""
+    """`_refined`, quickly compiled where that makes it no slower: if the objective needs no outlines, see `QUICK`."""
     outlines = getattr(objective, "needs_outlines", True)  # another Module may not say
     return _compiled if outlines else _quickly_compiled
 
