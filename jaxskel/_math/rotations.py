@@ -57,9 +57,14 @@ def cross(one: Float[Array, "..."], other: Float[Array, "..."], axis: int = -1) 
     return jnp.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis)
 
 
+def dot(one: Float[Array, "..."], other: Float[Array, "..."]) -> Float[Array, "..."]:
+    """Inner products of vectors along the last axis, written out: a sum over an axis is a kernel of its own in XLA."""
+    return one[..., 0] * other[..., 0] + one[..., 1] * other[..., 1] + one[..., 2] * other[..., 2]
+
+
 def _coefficients(vector: Float[Array, "*batch 3"]) -> tuple[Float[Array, "*batch 1"], ...]:
     """``sin(a) / a``, ``(1 - cos(a)) / a^2`` and ``(a - sin(a)) / a^3`` of the length a of a vector."""
-    squared = (vector * vector).sum(-1)[..., None]
+    squared = dot(vector, vector)[..., None]
     small = squared < _SERIES
     # Where the series is used, the closed form gets the angle 1, so that no gradient is NaN.
     angle = jnp.sqrt(jnp.where(small, 1.0, squared))

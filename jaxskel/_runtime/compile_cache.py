@@ -30,7 +30,7 @@ import numpy as np
 from jax.core import Tracer
 
 from .compilations import COMPILATIONS
-from .compiler_options import QUICK, accepted
+from .compiler_options import OPTIONS, accepted
 from .precision import precise
 from .program_files import read_program, read_same_program, usable, write_program
 from .source_locations import strip_locations
@@ -48,13 +48,14 @@ _SWITCHES = ("jax_enable_x64", "jax_default_matmul_precision", "jax_debug_nans",
 class CachedJit(Generic[P, R]):
     """A function compiled as by `equinox.filter_jit`: arrays are traced, all else is static. It returns arrays only.
 
+    It is compiled with `OPTIONS`.
+
     It falls back to `equinox.filter_jit` if JAX's persistent cache is off, if it is itself traced, and if a static
     argument is not from this package or its libraries, because in a notebook the same name may later mean another term.
     """
 
-    def __init__(self, function: Callable[P, R], options: dict[str, Any] | None = None):
+    def __init__(self, function: Callable[P, R]):
         self._function: Callable[..., R] = precise(function)
-        self._options = options or {}
         self._name = f"{function.__module__}.{function.__qualname__}"
         self._traced = eqx.filter_jit(self._function)  # within another function, which has the compiler's options
         self._known: dict[Hashable, Callable[[list[Any]], R] | None] = {}
@@ -116,7 +117,7 @@ class CachedJit(Generic[P, R]):
 
     @cached_property
     def _jitted(self) -> Callable[..., R]:
-        options: Any = {"compiler_options": accepted(self._options)}
+        options: Any = {"compiler_options": accepted(OPTIONS)}
         return eqx.filter_jit(self._function, **options)
 
     def _prepared(self, folder: Path, leaves: list, structure: Any) -> Callable[[list[Any]], R] | None:
@@ -155,12 +156,12 @@ class CachedJit(Generic[P, R]):
         text = lowered.as_text().replace(flat.__name__, "").encode()
         # Arguments that the function does not use are not in the text.
         shapes = [(leaf.shape, str(leaf.dtype)) for leaf in leaves if _is_array(leaf)]
-        around = repr((self._options, shapes, str(result))).encode()
+        around = repr((OPTIONS, shapes, str(result))).encode()
         same = hashlib.sha256(_machine() + around + text).digest()
         program = read_same_program(path, f"{self._name}-*", same, sum(map(_is_array, leaves)))
         if program is not None:
             return program
-        compiled = lowered.compile(compiler_options=accepted(self._options))
+        compiled = lowered.compile(compiler_options=accepted(OPTIONS))
         write_program(path, same, compiled, result)
         _give_memory_back()
         return lambda leaves: jax.tree.unflatten(result, compiled(*leaves))
@@ -169,11 +170,6 @@ class CachedJit(Generic[P, R]):
 def cached_jit(function: Callable[P, R]) -> CachedJit[P, R]:
     """Compile a function and store it on disk, see [`CachedJit`][]."""
     return CachedJit(function)
-
-
-def quickly_compiled(function: Callable[P, R]) -> CachedJit[P, R]:
-    """As [`cached_jit`][], but compiled in half the time, see [`QUICK`][]."""
-    return CachedJit(function, QUICK)
 
 
 def _folder() -> Path | None:

@@ -1,4 +1,4 @@
-"""Options of XLA's compiler for single programs, no global flags."""
+"""Options of XLA's compiler for the programs of this package, no global flags."""
 
 from functools import cache
 from typing import Any
@@ -6,11 +6,11 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-QUICK = {"xla_cpu_use_fusion_emitters": False}
-"""XLA for CPUs has two emitters of code. The older one compiles in half the time. What it makes is as fast for the
-refinement by graphs alone (29 and 34 ms for 16 frames of `crowd_07`), turned poses, words and blocks of pixels. Scores
-of limbs take half as long again and the linearised body a third, which is 3 % of a frame (`crowd_08`; 49 s of
-compilation became 26 s). Fits and the refinement by outlines take twice as long, unexplained outlines seven times."""
+OPTIONS = {"xla_cpu_use_fusion_emitters": False}
+"""XLA for CPUs has two emitters of code. The older one compiles in 0.55 times the time, and what it makes is as fast
+(`film_50` tracked and single frames of `crowd_08`: 0.96 to 1.06 times the time), with one exception: where a loop
+writes over what it reads, it takes number by number, four to eight times as long, see
+[`computed_once`][jaxskel._runtime.materialise.computed_once]."""
 
 
 def accepted(options: dict[str, Any]) -> dict[str, Any]:

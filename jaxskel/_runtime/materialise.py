@@ -3,6 +3,8 @@
 XLA fuses the computation of a value into every loop that uses it, and repeats it there. For loops with indexed look-ups
 or sums of expensive values, that costs several times what it saves. XLA does not fuse into a branch whose condition is
 not known at compile time.
+
+It also keeps XLA from writing a step's result over what a loop has carried so far, which is slow, see `OPTIONS`.
 """
 
 from typing import TypeVar

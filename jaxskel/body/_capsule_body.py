@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from .._runtime.compile_cache import quickly_compiled
+from .._runtime.compile_cache import cached_jit
 from .._runtime.kinds import check_kind
 from ._human import HUMAN_15, JOINT_NAMES, PIVOT_NAMES, SEGMENT_NAMES, TIP_NAMES
 from ._skeleton import (
@@ -256,7 +256,7 @@ def place_body(
     return np.asarray(ends), np.asarray(body.radii)[body.links]
 
 
-@quickly_compiled
+@cached_jit
 def place_joints(
     skeleton: Skeleton, pose: Pose
 ) -> tuple[Float[Array, "frames joints 3"], Float[Array, "frames tips 3"]]:
@@ -264,6 +264,6 @@ def place_joints(
     return jax.vmap(forward_kinematics, in_axes=(None, 0))(skeleton, pose)
 
 
-@quickly_compiled
+@cached_jit
 def _origins(skeleton: Skeleton, pose: Pose) -> Float[Array, "frames segments 3"]:
     return jax.vmap(lambda one: place_segments(skeleton, one)[2])(pose)

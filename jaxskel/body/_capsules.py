@@ -1,13 +1,21 @@
 """Signed distances of points and rays to tapered capsules, on which the volume terms of objectives are based."""
 
+from collections.abc import Callable
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
 from .._math.rotations import perpendicular
+from .._runtime.materialise import computed_once
 
 _SMALL = 1e-8  # the root of zero has no gradient; an error of a tenth of a millimetre is negligible
+
+
+# Capsules in one turn of the search for the nearest: four were as fast, one 1.1 times as slow (3600 rays).
+_TOGETHER = 2
 
 
 class _Axes(eqx.Module):
@@ -73,17 +81,14 @@ def all_distances(
 def nearest_capsule(
     points: Float[Array, "points 3"], ends: Float[Array, "capsules 2 3"], radii: Float[Array, "capsules 2"]
 ) -> tuple[Int[Array, " points"], Float[Array, " points"]]:
-    """The nearest capsule of each point and its signed distance (m); of equally near ones, the first."""
+    """The nearest capsule of each point and its signed distance (m); of nearly equally near ones (1e-5), any."""
     axes, components = _axes(ends, radii), _components(points)
 
-    def one(number: Array, best: tuple[Array, Array]) -> tuple[Array, Array]:
-        single = jax.tree.map(lambda a: a[number][None], axes)
-        distance = single.place(components)[0]
-        nearer = distance < best[1]
-        return jnp.where(nearer, number, best[0]), jnp.where(nearer, distance, best[1])
+    def distance_to(number: Array) -> Array:
+        return jax.tree.map(lambda a: a[number][None], axes).place(components)[0]
 
-    start = jnp.zeros(len(points), jnp.int32), jnp.full(len(points), jnp.inf, points.dtype)
-    return jax.lax.fori_loop(0, len(ends), one, start)
+    which, least = _nearest(distance_to, len(ends), jnp.full(len(points), jnp.inf, points.dtype), axes.radius[0])
+    return which, _instead(least, capsule_distance(points, ends[which], radii[which]))
 
 
 class Grazed(eqx.Module):
@@ -107,7 +112,7 @@ def nearest_to_rays(
     ends: Float[Array, "capsules 2 3"],
     radii: Float[Array, "capsules 2"],
 ) -> Grazed:
-    """The nearest capsule of each ray, taken as an infinite line; of equally near ones, the first.
+    """The nearest capsule of each ray, taken as an infinite line; of nearly equally near ones (1e-5), any.
 
     Seen along the ray, a capsule is a segment in the plane and the ray a point: `capsule_distance` in the plane.
     """
@@ -125,19 +130,74 @@ def nearest_to_rays(
         apart = jnp.sqrt(x * x + y * y + _SMALL)
         return apart - radii[..., 0] - part * (radii[..., 1] - radii[..., 0]), part, x / apart, y / apart
 
-    def one(number: Array, best: tuple[Array, Array]) -> tuple[Array, Array]:
-        distance = graze(ends[number][None], radii[number][None])[0]
-        nearer = distance < best[1]
-        return jnp.where(nearer, number, best[0]), jnp.where(nearer, distance, best[1])
+    def distance_to(number: Array) -> Array:
+        return graze(ends[number][None], radii[number][None])[0]
 
-    start = jnp.zeros(len(centres), jnp.int32), jnp.full(len(centres), jnp.inf, centres.dtype)
-    # The loop is ten times faster if it carries only what it needs, and a fifth faster if it stores that less often.
-    capsule, distance = jax.lax.fori_loop(0, len(ends), one, start, unroll=3)
-    _, part, x, y = graze(ends[capsule], radii[capsule])
+    capsule, least = _nearest(distance_to, len(ends), jnp.full(len(centres), jnp.inf, centres.dtype), radii[0, 0])
+    exact, part, x, y = graze(ends[capsule], radii[capsule])
     normal = -jnp.stack([x * a + y * b for a, b in zip(*axes, strict=True)], -1)
-    return Grazed(capsule, distance, part, normal)
+    return Grazed(capsule, _instead(least, exact), part, normal)
+
+
+def _nearest(
+    distance_to: Callable[[Int[Array, ""]], Float[Array, " things"]],
+    count: int,
+    infinite: Float[Array, " things"],
+    number: Float[Array, ""],
+) -> tuple[Int[Array, " things"], Float[Array, " things"]]:
+    """The nearest of some capsules for each of many things, and its distance, see `_numbered`.
+
+    Args:
+        distance_to: Distances of all things to the capsule of a number below `count` (m).
+        count: How many capsules there are.
+        infinite: Infinity for each thing.
+        number: See [`computed_once`][jaxskel._runtime.materialise.computed_once].
+    """
+
+    # One array is carried from some capsules to the next, and each turn is one kernel: with numbers and distances apart
+    # it was six. All capsules at once would not fit into the processor's cache.
+    def some(turn: Array, least: Array) -> Array:
+        least = computed_once(least, number)
+        for place in range(_TOGETHER):
+            capsule = jnp.minimum(_TOGETHER * turn + place, count - 1)
+            least = jnp.minimum(least, _numbered(distance_to(capsule), capsule, count))
+        return least
+
+    least = jax.lax.fori_loop(0, -(-count // _TOGETHER), some, jax.lax.stop_gradient(infinite))
+    return _number_of(least, count), least
 
 
 def _dot(one: tuple[Float[Array, "..."], ...], other: tuple[Float[Array, "..."], ...]) -> Float[Array, "..."]:
     """Dot products of vectors given by their components."""
     return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
+
+
+@jax.custom_jvp
+def _instead(found: Float[Array, "*shape"], exact: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
+    """What was found, with the derivative of `exact`, which is not computed where nothing is differentiated."""
+    return found
+
+
+@_instead.defjvp
+def _(primals: tuple[Array, Array], tangents: tuple[Array, Array]) -> tuple[Array, Array]:
+    return primals[0], tangents[1]
+
+
+def _numbered(distance: Float[Array, "*shape"], number: Int[Array, ""], count: int) -> Float[Array, "*shape"]:
+    """Distances whose last bits are a number below `count`; they change by less than 1e-5 of themselves."""
+    bits = jax.lax.bitcast_convert_type(distance, _integers(distance)) & ~_last_bits(count)
+    return jax.lax.bitcast_convert_type(bits | number.astype(bits.dtype), distance.dtype)
+
+
+def _number_of(distance: Float[Array, "*shape"], count: int) -> Int[Array, "*shape"]:
+    """The number in the last bits of distances, see `_numbered`; any one below `count` where they are not finite."""
+    bits = jax.lax.bitcast_convert_type(distance, _integers(distance)) & _last_bits(count)
+    return jnp.minimum(bits, count - 1).astype(jnp.int32)
+
+
+def _integers(like: Float[Array, "..."]) -> np.dtype:
+    return np.dtype(f"i{like.dtype.itemsize}")
+
+
+def _last_bits(count: int) -> int:
+    return (1 << (count - 1).bit_length()) - 1

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._runtime.batching import single_precision
-from .._runtime.compile_cache import quickly_compiled
+from .._runtime.compile_cache import cached_jit
 from ..body import (
     FLESH_FROM,
     HUMAN_15,
@@ -211,7 +211,7 @@ def normal_equations(
     return matrix, np.tensordot(linear.vector, ends, 2) - linear.rows.T @ linear.residuals
 
 
-@quickly_compiled
+@cached_jit
 def linearised(
     template: Skeleton,
     shape: Shape,
@@ -279,7 +279,7 @@ def _others(body: Body) -> Objective:
     return eqx.tree_at(lambda o: o.terms["rest"].weight, Objective(terms), _REST * terms["rest"].weight)
 
 
-@quickly_compiled
+@cached_jit
 def _turned(template: Skeleton, shape: Shape, poses: Pose, unknowns: Float[Array | np.ndarray, "frames n"]) -> Pose:
     skeleton = shaped_body(template, shape).skeleton
     return jax.vmap(lambda pose, own: _HINGED.retract(own, pose, skeleton))(poses, unknowns)

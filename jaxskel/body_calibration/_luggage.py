@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._runtime.batching import padded, single_precision, take
-from .._runtime.compile_cache import quickly_compiled
+from .._runtime.compile_cache import cached_jit
 from ..body import SEGMENT_NAMES, Body, Pose, all_distances, capsule_ends, limb_capsules
 from ..refinement.terms import Observed, place
 from ._additions import Addition, luggage
@@ -56,7 +56,7 @@ def find_luggage(body: Body, poses: Pose, observed: Observed, frames: Int[np.nda
     return luggage(ends, float(radius))
 
 
-@quickly_compiled
+@cached_jit
 def _carried(
     body: Body,
     poses: Pose,

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Int, UInt, UInt8, UInt32
 
 from .._runtime.batching import step_above
-from .._runtime.compile_cache import quickly_compiled
+from .._runtime.compile_cache import cached_jit
 from .._runtime.materialise import computed_once
 
 FRAMES_PER_WORD = 32
@@ -84,7 +84,7 @@ def frame_words(windows: Windows) -> UInt32[np.ndarray, "cams places"]:
     return words
 
 
-@quickly_compiled
+@cached_jit
 def _words_of(packed: UInt8[Array | np.ndarray, "frames=32 bytes"]) -> UInt32[Array, " pixels"]:
     """Transpose packed bits of 32 frames into one word per pixel."""
     anything = packed[0, 0].astype(jnp.float32)

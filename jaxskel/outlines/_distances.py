@@ -94,8 +94,7 @@ class SilhouetteDistances(eqx.Module):
         u, v, depth = self._seen(points)
         seen, x, y = self._cells(u, v)
         place = self._once(self._places(jnp.round(y).astype(jnp.int32), jnp.round(x).astype(jnp.int32)))
-        distance = self._value(place)
-        return self._in_metres(seen, distance, depth)
+        return self._in_metres(seen, self._value(place), depth)
 
     def with_gradient(
         self, points: Float[Array, "points 3"]
@@ -117,12 +116,13 @@ class SilhouetteDistances(eqx.Module):
                 farther * by_y + jnp.where(wide, distance * y / farther, 0.0),
                 distance / farther - farther * (x * by_x + y * by_y),
             )
-        slopes = tuple(jnp.where(seen, slope / self._focal, 0.0) for slope in slopes)
+        slopes = jnp.where(seen[None], jnp.stack(slopes) / self._focal[None], 0.0)
+        slopes, metres = self._once((slopes, self._in_metres(seen, distance, seems)))
         turned = jnp.asarray(self.cameras.R)
         gradient = tuple(
             sum((slopes[row] * turned[:, row, axis, None] for row in range(3)), jnp.zeros(())) for axis in range(3)
         )
-        return self._once((self._in_metres(seen, distance, seems), gradient))
+        return metres, gradient
 
     def _seen(
         self, points: Float[Array, "points 3"]
@@ -168,7 +168,7 @@ class SilhouetteDistances(eqx.Module):
         view = (view if self.frame is None else self.frame * len(row) + view) * self.values.shape[-1]
         return view + row * self._shape[1] + column
 
-    def _value(self, place: Int[Array, "cams points"]) -> Float[Array, "cams points"]:
+    def _value(self, place: Int[Array, "*corners cams points"]) -> Float[Array, "*corners cams points"]:
         """Distances (px) at flat indices."""
         return self._flat.at[place].get(mode="promise_in_bounds")
 
@@ -185,9 +185,10 @@ class SilhouetteDistances(eqx.Module):
         """Whether image points (px) are seen, the interpolated distances (px), and their slopes along u and v."""
         seen, x, y = self._cells(u, v)
         column, row = jnp.floor(x).astype(jnp.int32), jnp.floor(y).astype(jnp.int32)
-        place, x, y, seen = self._once((self._places(row, column), x - column, y - row, seen))
+        # Joined arrays, which are larger than results: XLA would write these over parts, see `OPTIONS`.
+        place, (x, y), seen = self._once((self._places(row, column), jnp.stack([x - column, y - row]), seen))
         below = self._shape[1]
-        a, b, c, d = (self._value(place + away) for away in (0, 1, below, below + 1))
+        a, b, c, d = self._value(place[None] + jnp.asarray([0, 1, below, below + 1])[:, None, None])
         upper, lower = a * (1 - x) + b * x, c * (1 - x) + d * x
         slope = ((b - a) * (1 - y) + (d - c) * y) / self.step, (lower - upper) / self.step
         return seen, upper * (1 - y) + lower * y, slope
@@ -282,8 +283,7 @@ def _write_distances(
     cv2.threshold(signed, farthest, 0, cv2.THRESH_TRUNC, dst=signed)
     if fine:
         signed = _without_stairs(near, signed)
-    size = (right - left, bottom - top)
-    found[top:bottom, left:right] = cv2.resize(signed, size, interpolation=cv2.INTER_AREA)
+    found[top:bottom, left:right] = cv2.resize(signed, (right - left, bottom - top), interpolation=cv2.INTER_AREA)
 
 
 def _without_stairs(person: UInt8[np.ndarray, "h w"], signed: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:

@@ -13,7 +13,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
 from .._runtime.batching import STACK
-from .._runtime.compile_cache import CachedJit, cached_jit, quickly_compiled
+from .._runtime.compile_cache import cached_jit
 from ..body import Pose, Skeleton
 from ._arguments import check_frames
 from ._covariance import equations_at, spread
@@ -71,10 +71,12 @@ def refine_frame(
     if objective.couplings:
         raise ValueError(f"{', '.join(objective.couplings)}: couples frames; use refine_sequence, or leave it out")
 
-    def residuals(unknowns: Float[Array, " unknowns"], args: Any) -> dict[str, Array]:
+    def residuals(unknowns: Float[Array, " unknowns"], args: Any) -> Float[Array, " rows"]:
         base, fixed = args
         found = objective.residuals(parametrisation.reached(unknowns, base, skeleton), observed, fixed)
-        return found | parametrisation.constraint_residuals(parametrisation.retract(unknowns, base, skeleton), skeleton)
+        kept = parametrisation.constraint_residuals(parametrisation.retract(unknowns, base, skeleton), skeleton)
+        # One vector: of a tree, all that a solver computes is compiled and started once for each term.
+        return ravel_pytree(found | kept)[0]
 
     # Correspondences change between solves only: an argmin inside the residual keeps the solver from converging.
     def one_round(base: Any, _: None) -> tuple[Any, tuple[Array, Array, Array]]:
@@ -148,10 +150,10 @@ def refine_frames(
         ValueError: A term couples frames: use `refine_sequence`. Or an argument makes no sense.
     """
     check_frames(objective, parametrisation, solver, skeleton, initial, observed, rounds, max_steps)
-    count, program = len(initial.root), _program(objective)
+    count = len(initial.root)
 
     def solved(initial: Pose, observed: Observed) -> Refined:
-        return program(objective, parametrisation, solver, skeleton, initial, observed, rounds, max_steps)
+        return _refined(objective, parametrisation, solver, skeleton, initial, observed, rounds, max_steps)
 
     # A frame by itself has a program of its own, see `_refined`.
     size = 1 if count == 1 else next((size for size in _STACKS if count <= size), _STACKS[-1])
@@ -177,15 +179,10 @@ def _rows(first: int, count: int, size: int) -> slice | Int[np.ndarray, " size"]
 
 def refine_frames_ahead(threads: Executor, *arguments: Any) -> None:
     """Begin to compile `refine_frames` for a stack of frames, given its arguments in their order."""
-    _program(arguments[0]).ahead(threads, *arguments)
+    _refined.ahead(threads, *arguments)
 
 
-def _program(objective: Objective) -> CachedJit[..., Refined]:
-    """`_refined`, quickly compiled where that makes it no slower: if the objective needs no outlines, see `QUICK`."""
-    outlines = getattr(objective, "needs_outlines", True)  # another Module may not say
-    return _compiled if outlines else _quickly_compiled
-
-
+@cached_jit
 def _refined(
     objective: Objective,
     parametrisation: Parametrisation,
@@ -204,7 +201,3 @@ def _refined(
     count = len(initial.root)
     # A frame by itself need not take the steps of both branches, as frames of a batch do.
     return jax.lax.map(one, (jnp.arange(count, dtype=jnp.int32), initial), batch_size=None if count == 1 else _AT_ONCE)
-
-
-_compiled = cached_jit(_refined)
-_quickly_compiled = quickly_compiled(_refined)

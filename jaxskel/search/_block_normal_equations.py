@@ -70,8 +70,9 @@ def normal_equations(
     own = _moved(motion.some(np.maximum(limbs.own, 0)), ends[chosen], segments[chosen]) * there[..., None, None]
     # The trunk's part of the limbs' capsules is taken from the product above.
     rows = (6 * chosen[..., None] + np.arange(6, dtype=np.int32)).reshape(len(chosen), 6 * chosen.shape[1])
-    acting = jnp.concatenate([_flat(_product(matrix[chosen], own)), forces[rows]], -1)
-    of_limbs = jnp.einsum("lku,lkv->luv", _flat(own), acting)
+    # Two products, because one with joined columns would copy them.
+    columns = _flat(_product(matrix[chosen], own)), forces[rows]
+    of_limbs = jnp.concatenate([jnp.einsum("lku,lkv->luv", _flat(own), some) for some in columns], -1)
 
     numbers = jnp.concatenate([of_trunk.ravel(), of_limbs.ravel(), jnp.zeros(1, ends.dtype)])
     found = numbers[_places(limbs, len(motion.turns))]

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int
 
-from .._runtime.compile_cache import quickly_compiled
+from .._runtime.compile_cache import cached_jit
 from ..body import Pose
 from ..refinement.terms import Observed
 from ._limb_search import Limb, Scored, best_pairs, best_single, score_limb, unexplained, with_limb, without
@@ -15,7 +15,7 @@ from ._model import Model
 _SOME = 3
 
 
-@quickly_compiled
+@cached_jit
 def with_pairs(
     model: Model,
     poses: Pose,
@@ -45,7 +45,7 @@ def with_pairs(
     return jax.vmap(one)(poses, jnp.asarray(frames))
 
 
-@quickly_compiled
+@cached_jit
 def with_single(
     model: Model, poses: Pose, frames: Int[Array | np.ndarray, " n"], stack: Observed, limb: Limb, count: int
 ) -> Pose:

@@ -58,6 +58,51 @@ def test_all_ways_to_a_distance_agree_far_from_the_origin():
     np.testing.assert_allclose(distance, every.min(1), atol=2e-4)
 
 
+@pytest.mark.parametrize("count", [1, 2, 7, 64, 65, 200])
+def test_of_any_number_of_capsules_the_nearest_is_found(count):
+    rng = np.random.default_rng(count)
+    ends, radii = rng.normal(size=(count, 2, 3)), rng.uniform(0.01, 0.1, (count, 2))
+    points, (centres, directions) = rng.normal(size=(50, 3)), random_rays(rng, 50)
+    which, distance = nearest_capsule(*map(jnp.asarray, (points, ends, radii)))
+    every = np.asarray(all_distances(*map(jnp.asarray, (points, ends, radii))))
+    np.testing.assert_allclose(every[np.arange(50), which], every.min(1), rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(distance, every.min(1), rtol=1e-4, atol=1e-5)
+    each = [graze(centres, directions, ends[[n]], radii[[n]]).distance for n in range(count)]
+    near = graze(centres, directions, ends, radii)
+    np.testing.assert_allclose(near.distance, np.min(each, 0), rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(np.array(each)[near.capsule, np.arange(50)], near.distance, rtol=1e-4, atol=1e-5)
+
+
+def test_what_is_not_finite_has_a_capsule_that_exists():
+    ends, points = jnp.full((5, 2, 3), jnp.nan), jnp.zeros((3, 3))
+    which, distance = nearest_capsule(points, ends, jnp.ones((5, 2)))
+    near = nearest_to_rays(points, jnp.eye(3), ends, jnp.ones((5, 2)))
+    for capsules, distances in ((which, distance), (near.capsule, near.distance)):
+        assert np.all((0 <= capsules) & (capsules < 5))
+        assert not np.isfinite(distances).any()
+
+
+def test_the_derivative_is_that_of_the_distance_to_the_nearest_capsule():
+    rng = np.random.default_rng(3)
+    ends, radii = jnp.asarray(rng.normal(size=(9, 2, 3))), jnp.asarray(rng.uniform(0.01, 0.1, (9, 2)))
+    points, (centres, directions) = jnp.asarray(rng.normal(size=(20, 3))), random_rays(rng, 20)
+    moves = jnp.asarray(rng.normal(size=ends.shape))
+
+    def of_points(ends: jax.Array) -> jax.Array:
+        return nearest_capsule(points, ends, radii)[1]
+
+    def of_rays(ends: jax.Array) -> jax.Array:
+        return graze(centres, directions, ends, radii).distance
+
+    for distances in (of_points, of_rays):
+        slope = jax.jvp(distances, (ends,), (moves,))[1]
+        steps = (distances(ends + 1e-2 * moves) - distances(ends - 1e-2 * moves)) / 2e-2
+        close = np.isclose(slope, steps, atol=2e-2)
+        assert close.mean() > 0.8  # elsewhere the nearest part changes within the step
+        back = jax.grad(lambda ends, of=distances: of(ends).sum())(ends)
+        np.testing.assert_allclose((back * moves).sum(), slope.sum(), rtol=1e-4)
+
+
 # Rays: a point on the ray, its direction, radii of the upright capsule; distance, part, normal.
 RAYS = {
     "across": ([3, -7, 1], [0, 1, 0], (1, 1), 2.0, 0.5, [1, 0, 0]),

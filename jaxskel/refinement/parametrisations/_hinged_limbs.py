@@ -1,6 +1,6 @@
 """Joint rotations with the degrees of freedom of the template: those of a human body, for example."""
 
-from functools import lru_cache, partial
+from functools import lru_cache, partial, reduce
 from typing import Any, NamedTuple
 
 import jax
@@ -31,10 +31,9 @@ class HingedLimbs(JointRotations):
     def retract(self, unknowns: Float[Array, " unknowns"], base: Pose, skeleton: Skeleton) -> Pose:
         """The pose after a change by the unknowns."""
         # A segment's rotation also rotates its descendants.
-        whole = exponential(self._turns(unknowns, base, skeleton))
-        for level, parents in _layout(skeleton.template).levels:
-            whole = whole.at[level].set(_product(whole[parents], whole[level]))
-        return Pose(base.root + unknowns[:3], _product(whole, jnp.asarray(base.rotations)))
+        turned = exponential(self._turns(unknowns, base, skeleton))
+        chains = jnp.concatenate([turned, jnp.eye(3, dtype=turned.dtype)[None]])[_layout(skeleton.template).chains]
+        return Pose(base.root + unknowns[:3], reduce(_product, [*chains, jnp.asarray(base.rotations)]))
 
     def nearby(self, unknowns: Float[Array, " unknowns"], base: Pose, skeleton: Skeleton) -> Pose:
         """First-order approximation of `retract`: the same derivative at zero at a fraction of the cost."""
@@ -111,7 +110,8 @@ class _Layout(NamedTuple):
         order: Permutation from those three groups to the segments.
         axes: Axis of each unknown: world axes, then first and second axes across the bones, then hinge axes.
         segments: Segment of each unknown.
-        levels: Segments with their parents, by depth in the kinematic tree, from the trunk outwards.
+        chains: What turns each segment: the segments from the trunk outwards to it, after as many times the number of
+            segments, which stands for no turn, as make all chains equally long.
     """
 
     across: Int[np.ndarray, " across"]
@@ -122,7 +122,7 @@ class _Layout(NamedTuple):
     order: Int[np.ndarray, " segments"]
     axes: Int[np.ndarray, " turning"]
     segments: Int[np.ndarray, " turning"]
-    levels: tuple[tuple[Int[np.ndarray, " level"], Int[np.ndarray, " level"]], ...]
+    chains: Int[np.ndarray, "longest segments"]
 
 
 @lru_cache(maxsize=16)
@@ -145,10 +145,11 @@ def _layout(template: SkeletonTemplate) -> _Layout:
     carriers = template.segments_of_points.tolist()
     ends = [carriers.index(segment) for segment in across.tolist()]
     of_segment = [hinge.segment for hinge in template.hinges]
-    depths = [0]
-    for parent in template.segment_parents[1:]:
-        depths.append(depths[parent] + 1)
-    levels = [np.flatnonzero(np.array(depths) == depth).astype(np.int32) for depth in range(1, max(depths) + 1)]
+    chains = [[0]]
+    for segment, parent in enumerate(template.segment_parents[1:], 1):
+        chains.append([*chains[parent], segment])
+    longest = max(map(len, chains))
+    filled = [[len(chains)] * (longest - len(chain)) + chain for chain in chains]
     return _Layout(
         across,
         np.array([end if end < joints else end + pivots for end in ends], np.int32),
@@ -158,7 +159,7 @@ def _layout(template: SkeletonTemplate) -> _Layout:
         np.argsort(np.concatenate(groups)).astype(np.int32),
         axes,
         np.repeat(np.arange(len(counts), dtype=np.int32), counts),
-        tuple((level, parents[level]) for level in levels),
+        np.array(filled, np.int32).T,
     )
 
 

@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..._math.rotations import cross, dot
 from ...body import JOINT_NAMES
 from ._base import AbstractTerm, Observed, PlacedBody, number
 
@@ -112,12 +113,12 @@ def arm_directions(joints: Float[Array | np.ndarray, "*frames joints=15 3"]) -> 
     joints = jnp.asarray(joints)
     up = _unit(joints[..., _NECK, :] - joints[..., _PELVIS, :])
     across = joints[..., _SHOULDERS[0], :] - joints[..., _SHOULDERS[1], :]
-    left = _unit(across - (across * up).sum(-1, keepdims=True) * up)
-    trunk = jnp.stack([jnp.cross(left, up), left, up], -2)[..., None, :, :]
+    left = _unit(across - dot(across, up)[..., None] * up)
+    trunk = [axis[..., None, :] for axis in (cross(left, up), left, up)]
     upper = _unit(joints[..., _ELBOWS, :] - joints[..., _SHOULDERS, :])
     lower = _unit(joints[..., _HANDS, :] - joints[..., _ELBOWS, :])
     mirrors = _MIRRORS.reshape((1,) * (upper.ndim - 2) + _MIRRORS.shape)
-    turned = [(trunk * bone[..., None, :]).sum(-1) * mirrors for bone in (upper, lower)]
+    turned = [jnp.stack([dot(axis, bone) for axis in trunk], -1) * mirrors for bone in (upper, lower)]
     return jnp.concatenate(turned, -1)
 
 
@@ -155,4 +156,4 @@ def _with_slope(
 
 
 def _unit(vectors: Float[Array, "*each 3"]) -> Float[Array, "*each 3"]:
-    return vectors / jnp.sqrt((vectors**2).sum(-1, keepdims=True) + _SMALL)
+    return vectors / jnp.sqrt(dot(vectors, vectors) + _SMALL)[..., None]

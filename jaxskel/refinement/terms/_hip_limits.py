@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..._math.rotations import cross, dot
 from ...body import JOINT_NAMES
 from ._base import AbstractTerm, Observed, PlacedBody, number
 
@@ -30,8 +31,8 @@ class HipLimits(AbstractTerm):
     def residual(self, body: PlacedBody, observed: Observed, fixed: None) -> Float[Array, "legs=2"]:
         """Component to the back beyond the limit, of the left and of the right thigh."""
         joints = body.joints
-        across = jnp.cross(joints[_HIP[0]] - joints[_HIP[1]], joints[_NECK] - joints[_PELVIS])
-        front = across / jnp.sqrt((across**2).sum() + 1e-12)
+        across = cross(joints[_HIP[0]] - joints[_HIP[1]], joints[_NECK] - joints[_PELVIS])
+        front = across / jnp.sqrt(dot(across, across) + 1e-12)
         thighs = joints[_KNEE] - joints[_HIP]
-        back = -(thighs @ front) / jnp.sqrt((thighs**2).sum(-1) + 1e-12)
+        back = -dot(thighs, front) / jnp.sqrt(dot(thighs, thighs) + 1e-12)
         return jnp.maximum(back - self.limit, 0.0)

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ..._runtime.materialise import computed_once
 from ...body import Body
 from ...outlines import SilhouetteDistances
 from ._base import Observed, PlacedBody, number
@@ -47,12 +48,14 @@ class InsideSilhouettes(CapsuleTerm):
         out, gradients, weight = self.depths(points, self._radius, observed)
 
         # A loop over views: the compiled code is eight times faster than sums over the axis of views.
-        def added(view: Array, sums: Float[Array, "10 points"]) -> Float[Array, "10 points"]:
+        def with_view(view: Array, sums: Float[Array, "10 points"]) -> Float[Array, "10 points"]:
             share, far, normal = weight[view], out[view], [gradient[view] for gradient in gradients]
             pairs = [share * normal[i] * normal[j] for i, j in PAIRS]
-            return sums + jnp.stack([*pairs, *(-share * far * part for part in normal), share * far**2])
+            return computed_once(sums, self.scale) + jnp.stack(
+                [*pairs, *(-share * far * part for part in normal), share * far**2]
+            )
 
-        sums = jax.lax.fori_loop(0, len(out), added, jnp.zeros((10, len(points)), points.dtype))
+        sums = jax.lax.fori_loop(0, len(out), with_view, jnp.zeros((10, len(points)), points.dtype))
         return quadrics_of_samples(ends, jnp.asarray(_PLACES), sums[:6], sums[6:9], sums[9].sum())
 
     def points(
