@@ -13,4 +13,5 @@ from ._bundle_adjustment import bundle_adjust as bundle_adjust
 from ._bundle_adjustment import bundle_ahead as bundle_ahead
 from ._clothing import dressed as dressed
 from ._luggage import find_luggage as find_luggage
+from ._luggage import luggage_ahead as luggage_ahead
 from ._worn import worn_around_joints as worn_around_joints

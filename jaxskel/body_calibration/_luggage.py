@@ -4,6 +4,8 @@ A search that does not know of a backpack explains it by an arm that reaches int
 chest, and what is carried on it does not.
 """
 
+from concurrent.futures import Executor
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -38,9 +40,7 @@ def find_luggage(body: Body, poses: Pose, observed: Observed, frames: Int[np.nda
     """
     some = np.unique(np.linspace(0, len(frames) - 1, _FRAMES).astype(int))
     poses, frames = padded((take(poses, some), frames[some].astype(np.int32)), _FRAMES)
-    used = np.arange(_FRAMES) < len(some)
-    size = [np.arange(-low, high, _SPACING) for low, high in ((_FRONT, _FRONT), (_SIDE, _SIDE), (_DOWN, _UP))]
-    points = np.stack(np.meshgrid(*size, indexing="ij"), -1).reshape(-1, 3).astype(np.float32)
+    used, points = np.arange(_FRAMES) < len(some), _points()
     shown, armed = (np.asarray(a) for a in _carried(single_precision(body), poses, frames, used, observed, points))
     carried = points[(shown >= _SEEN) & (armed >= _NO_ARM)]
     behind = carried[:, 0] < 0
@@ -54,6 +54,18 @@ def find_luggage(body: Body, poses: Pose, observed: Observed, frames: Int[np.nda
     aside, up = max(wide - radius, 0.0), max(tall - radius, 0.0)
     ends = np.array([[middle[0], aside, middle[2] + up], [middle[0], aside, middle[2] - up]])
     return luggage(ends, float(radius))
+
+
+def luggage_ahead(threads: Executor, body: Body, pose: Pose, observed: Observed) -> None:
+    """Begin to compile what `find_luggage` needs for arguments like these; `pose` has an axis for one frame."""
+    frames, used = np.zeros(_FRAMES, np.int32), np.ones(_FRAMES, bool)
+    _carried.ahead(threads, single_precision(body), padded(pose, _FRAMES), frames, used, observed, _points())
+
+
+def _points() -> Float[np.ndarray, "points 3"]:
+    """Points about the turning centre of the chest (m), relative to it."""
+    size = [np.arange(-low, high, _SPACING) for low, high in ((_FRONT, _FRONT), (_SIDE, _SIDE), (_DOWN, _UP))]
+    return np.stack(np.meshgrid(*size, indexing="ij"), -1).reshape(-1, 3).astype(np.float32)
 
 
 @cached_jit

@@ -6,15 +6,15 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._runtime.batching import STACK, filled
+from .._runtime.batching import STACK, filled, single_precision, take
 from .._runtime.cores import usable_cores
 from ..body import make_body
-from ..body_calibration import bundle_ahead
+from ..body_calibration import bundle_ahead, luggage_ahead
 from ..cameras import Cameras
 from ..matching import Limbs
 from ..outlines import RAYS, contours, silhouette_distances
 from ..refinement.terms import Observed
-from ..search import any_poses, fits_ahead, limbs_ahead, make_model
+from ..search import any_poses, fits_ahead, limbs_ahead, make_model, unexplained_shares
 from ._refine import refine_ahead
 from ._settings import Settings
 from ._settle_subject import THINNED
@@ -29,8 +29,8 @@ def compile_ahead(
 ) -> None:
     """Begin to compile what a subject with these settings needs, in threads; with one core, do nothing.
 
-    Compilation uses one core for each program, and leaves Python free. The longest, the refinement, comes second,
-    so that two threads end at about the same time.
+    Compilation uses one core for each program, and leaves Python free; tracing needs Python. So the refinement, which
+    takes longest, comes first, and beside it programs that are soon traced.
 
     Args:
         cameras: The rig; only the number and the kinds of cameras and the sizes of images matter.
@@ -46,12 +46,15 @@ def compile_ahead(
     model, poses = make_model(body, settings.search.objective, NO_PRIOR), any_poses(len(stack.inner))
     threads = ThreadPoolExecutor(usable_cores())
     fits_ahead(threads, model, stack)
-    objective = settings.refinement.objective_for(body)
-    if not objective.couplings:  # those are compiled for a sequence
-        refine_ahead(threads, poses, stack, skeleton, objective, settings.refinement)
     limbs_ahead(threads, model, settings.search, stack)
     if not known:
         bundle_ahead(threads, skeleton, poses, stack.thinned(THINNED))
+    objective = settings.refinement.objective_for(body)
+    if not objective.couplings:  # those are compiled for a sequence
+        refine_ahead(threads, poses, stack, skeleton, objective, settings.refinement)
+    if not known:
+        luggage_ahead(threads, body, take(poses, np.arange(1)), stack)
+    unexplained_shares.ahead(threads, single_precision(body), poses, stack.contours)
     threads.shutdown(wait=False)
 
 
