@@ -4,7 +4,7 @@ XLA fuses the computation of a value into every loop that uses it, and repeats i
 or sums of expensive values, that costs several times what it saves. XLA does not fuse into a branch whose condition is
 not known at compile time.
 
-It also keeps XLA from writing a step's result over what a loop has carried so far, which is slow, see `OPTIONS`.
+It also keeps XLA from writing what a loop's step computes over what the loop carries, which is slow, see `OPTIONS`.
 """
 
 from typing import TypeVar

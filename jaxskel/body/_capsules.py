@@ -12,9 +12,7 @@ from .._math.rotations import perpendicular
 from .._runtime.materialise import computed_once
 
 _SMALL = 1e-8  # the root of zero has no gradient; an error of a tenth of a millimetre is negligible
-
-
-# Capsules in one turn of the search for the nearest: four were as fast, one 1.1 times as slow (3600 rays).
+# Capsules in one turn of the search for the nearest. Four were as fast, one took 1.1 times as long (3600 rays).
 _TOGETHER = 2
 
 
@@ -154,8 +152,8 @@ def _nearest(
         number: See [`computed_once`][jaxskel._runtime.materialise.computed_once].
     """
 
-    # One array is carried from some capsules to the next, and each turn is one kernel: with numbers and distances apart
-    # it was six. All capsules at once would not fit into the processor's cache.
+    # As numbers and distances are one array, each turn is one kernel; as two arrays they took six. Distances to all
+    # capsules at once would not fit into the processor's cache.
     def some(turn: Array, least: Array) -> Array:
         least = computed_once(least, number)
         for place in range(_TOGETHER):
@@ -184,7 +182,7 @@ def _(primals: tuple[Array, Array], tangents: tuple[Array, Array]) -> tuple[Arra
 
 
 def _numbered(distance: Float[Array, "*shape"], number: Int[Array, ""], count: int) -> Float[Array, "*shape"]:
-    """Distances whose last bits are a number below `count`; they change by less than 1e-5 of themselves."""
+    """Distances whose last bits are a number below `count`: of up to 64 numbers, they change by less than 1e-5."""
     bits = jax.lax.bitcast_convert_type(distance, _integers(distance)) & ~_last_bits(count)
     return jax.lax.bitcast_convert_type(bits | number.astype(bits.dtype), distance.dtype)
 

@@ -185,7 +185,7 @@ class SilhouetteDistances(eqx.Module):
         """Whether image points (px) are seen, the interpolated distances (px), and their slopes along u and v."""
         seen, x, y = self._cells(u, v)
         column, row = jnp.floor(x).astype(jnp.int32), jnp.floor(y).astype(jnp.int32)
-        # Joined arrays, which are larger than results: XLA would write these over parts, see `OPTIONS`.
+        # Joined, because XLA writes results over arrays of their own size, which is slow, see `OPTIONS`.
         place, (x, y), seen = self._once((self._places(row, column), jnp.stack([x - column, y - row]), seen))
         below = self._shape[1]
         a, b, c, d = self._value(place[None] + jnp.asarray([0, 1, below, below + 1])[:, None, None])

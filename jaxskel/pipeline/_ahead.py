@@ -29,8 +29,8 @@ def compile_ahead(
 ) -> None:
     """Begin to compile what a subject with these settings needs, in threads; with one core, do nothing.
 
-    Compilation uses one core for each program, and leaves Python free; tracing needs Python. So the refinement, which
-    takes longest, comes first, and beside it programs that are soon traced.
+    Compilation uses one core for each program, and leaves Python free. Programs come in the order in which they are
+    needed; the refinement, which takes longest, is compiled while the body is found.
 
     Args:
         cameras: The rig; only the number and the kinds of cameras and the sizes of images matter.
@@ -52,7 +52,7 @@ def compile_ahead(
     objective = settings.refinement.objective_for(body)
     if not objective.couplings:  # those are compiled for a sequence
         refine_ahead(threads, poses, stack, skeleton, objective, settings.refinement)
-    if not known:
+    if not known and at_once > 1:  # in a single frame of a stream, nobody looks for luggage
         luggage_ahead(threads, body, take(poses, np.arange(1)), stack)
     unexplained_shares.ahead(threads, single_precision(body), poses, stack.contours)
     threads.shutdown(wait=False)

@@ -5,7 +5,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from ..body import Skeleton
 from .parametrisations import Parametrisation
@@ -47,7 +47,7 @@ def joint_covariance(
 
 
 def equations_at(
-    residuals: Callable[[Float[Array, " unknowns"]], dict[str, Array]], unknowns: Float[Array, " unknowns"]
+    residuals: Callable[[Float[Array, " unknowns"]], PyTree[Array]], unknowns: Float[Array, " unknowns"]
 ) -> NormalEquations:
     """Normal equations of residuals, linearised at some unknowns."""
     found, slope = jax.linearize(residuals, unknowns)
