@@ -85,7 +85,7 @@ def nearest_capsule(
     def distance_to(number: Array) -> Array:
         return jax.tree.map(lambda a: a[number][None], axes).place(components)[0]
 
-    which, least = _nearest(distance_to, len(ends), jnp.full(len(points), jnp.inf, points.dtype), axes.radius[0])
+    which, least = _nearest(distance_to, len(ends), components[0], axes.radius[0])
     return which, _instead(least, capsule_distance(points, ends[which], radii[which]))
 
 
@@ -131,7 +131,7 @@ def nearest_to_rays(
     def distance_to(number: Array) -> Array:
         return graze(ends[number][None], radii[number][None])[0]
 
-    capsule, least = _nearest(distance_to, len(ends), jnp.full(len(centres), jnp.inf, centres.dtype), radii[0, 0])
+    capsule, least = _nearest(distance_to, len(ends), middle[0], radii[0, 0])
     exact, part, x, y = graze(ends[capsule], radii[capsule])
     normal = -jnp.stack([x * a + y * b for a, b in zip(*axes, strict=True)], -1)
     return Grazed(capsule, _instead(least, exact), part, normal)
@@ -140,7 +140,7 @@ def nearest_to_rays(
 def _nearest(
     distance_to: Callable[[Int[Array, ""]], Float[Array, " things"]],
     count: int,
-    infinite: Float[Array, " things"],
+    like: Float[Array, " things"],
     number: Float[Array, ""],
 ) -> tuple[Int[Array, " things"], Float[Array, " things"]]:
     """The nearest of some capsules for each of many things, and its distance, see `_numbered`.
@@ -148,7 +148,7 @@ def _nearest(
     Args:
         distance_to: Distances of all things to the capsule of a number below `count` (m).
         count: How many capsules there are.
-        infinite: Infinity for each thing.
+        like: An array of the shape and precision of the distances.
         number: See [`computed_once`][jaxskel._runtime.materialise.computed_once].
     """
 
@@ -161,7 +161,7 @@ def _nearest(
             least = jnp.minimum(least, _numbered(distance_to(capsule), capsule, count))
         return least
 
-    least = jax.lax.fori_loop(0, -(-count // _TOGETHER), some, jax.lax.stop_gradient(infinite))
+    least = jax.lax.fori_loop(0, -(-count // _TOGETHER), some, jnp.full_like(like, jnp.inf))
     return _number_of(least, count), least
 
 

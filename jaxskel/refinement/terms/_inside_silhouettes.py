@@ -46,7 +46,6 @@ class InsideSilhouettes(CapsuleTerm):
         ends = self.ends(body)
         points = self._points(ends)
         out, gradients, weight = self.depths(points, self._radius, observed)
-
         rows = jnp.stack([*gradients, out])
 
         # A loop over views: the compiled code is eight times faster than sums over the axis of views.
