@@ -34,18 +34,20 @@ def credible(
     other views; the ray of a blob stays outside of them.
 
     Args:
-        outlines: Rays of each frame, in random order.
+        outlines: Rays of each frame, view by view.
         silhouettes: Distances to the silhouettes of the same frames.
         middles: Middle of each person in the cameras' world (m).
         views: Number of views that see each person.
-        count: Number of rays returned per frame; if fewer are credible, some are repeated.
+        count: Number of rays returned per frame, spread evenly over those that are credible, so that no view is left
+            out; if these are fewer, some are repeated. If none is, they are spread over all.
     """
     deepest = _DEEPER + _TRUNK * (1 - np.cos(2 * np.pi / np.maximum(views, 4)))
     given = single_precision((outlines, silhouettes, middles, deepest))
     chosen = np.zeros((len(middles), count), int)
     for frame in range(len(middles)):
-        good = np.flatnonzero(_grazing(*jax.tree.map(lambda a, i=frame: a[i], given)))
-        chosen[frame] = np.resize(good, count) if len(good) else np.arange(count)
+        grazing = np.asarray(_grazing(*jax.tree.map(lambda a, i=frame: a[i], given)))
+        good = np.flatnonzero(grazing if grazing.any() else ~grazing)
+        chosen[frame] = good[np.arange(count) * len(good) // count]
     rows = np.arange(len(middles))[:, None]
     return jax.tree.map(lambda a: a[rows, chosen], outlines)
 

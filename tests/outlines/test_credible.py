@@ -63,8 +63,17 @@ def test_holes_and_blobs_are_left_out(disc):
     assert own.sum() > 100
 
 
-def test_where_nothing_is_credible_all_is_kept():
+@pytest.mark.parametrize("height", [0.0, 5.0], ids=["credible", "nothing credible"])
+def test_no_view_is_left_out(height):
     outlines, silhouettes = seen()
-    elsewhere = Contours(outlines.centres + np.float32([0, 0, 5]), outlines.directions)
-    kept = credible(elsewhere, silhouettes, MIDDLE, EIGHT, 300)
-    np.testing.assert_array_equal(kept.centres, elsewhere.centres[:, :300])
+    moved = Contours(outlines.centres + np.float32([0, 0, height]), outlines.directions)
+    kept = credible(moved, silhouettes, MIDDLE, EIGHT, 400)
+    apart = np.linalg.norm(kept.centres[0][:, None] - CAMERAS.centres - [0, 0, height], axis=-1)
+    np.testing.assert_allclose(np.bincount(apart.argmin(1), minlength=8), 50, atol=2)
+
+
+def test_rays_are_repeated_where_few_are_credible():
+    outlines, silhouettes = seen((3, (0.0, 0.0, 2.1), 12.0, True))
+    kept = credible(outlines, silhouettes, MIDDLE, EIGHT, 3000)
+    assert kept.centres.shape == (1, 3000, 3)
+    assert (off_the_post(kept) < 0.03).mean() > 0.98
