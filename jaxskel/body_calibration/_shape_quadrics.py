@@ -2,7 +2,7 @@
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..body import LINKS
 from ..refinement.terms import ContourContact, InsideSilhouettes, Observed, PlacedBody
@@ -26,6 +26,12 @@ class ShapeQuadrics(eqx.Module):
         return ShapeQuadrics(self.matrix + other.matrix, self.vector + other.vector, self.squared + other.squared)
 
 
+def may_err(observed: Observed) -> Bool[Array, ""]:
+    """Whether masks are so poor that some views may err, see `judge_misses`."""
+    assert observed.silhouettes is not None
+    return jnp.asarray(observed.silhouettes.misses) > 0
+
+
 def contour_quadrics(term: ContourContact, placed: PlacedBody, observed: Observed) -> ShapeQuadrics:
     """Squared distances of outline rays to their nearest capsules, see `ContourContact`."""
     near, weight = term.nearest(placed, observed)
@@ -40,13 +46,17 @@ def contour_quadrics(term: ContourContact, placed: PlacedBody, observed: Observe
 
 
 def inside_quadrics(term: InsideSilhouettes, placed: PlacedBody, observed: Observed) -> ShapeQuadrics:
-    """Squared depths by which points on the axes stick out of the silhouettes, see `InsideSilhouettes`."""
+    """Squared depths by which points on the axes stick out of the silhouettes, see `InsideSilhouettes`.
+
+    Where views may err, depths move the body, but do not make it thinner: holes lie inside the person in every frame.
+    """
     points, radii, part = term.points(placed)
     out, gradients, weight = term.depths(points, radii, observed)
     weight = term.weight * weight
     away = jnp.stack(gradients, -1)
     part = jnp.broadcast_to(part[None, :, None], (*out.shape, 1))
-    rows = [(1 - part) * away, part * away, term.share * (1 - part), term.share * part]
+    thinner = jnp.where(may_err(observed), 0.0, term.share)
+    rows = [(1 - part) * away, part * away, thinner * (1 - part), thinner * part]
     shape = len(out), len(LINKS), -1
     rows = -jnp.concatenate(rows, -1).reshape(*shape, 8)
     weight, out = weight.reshape(shape), out.reshape(shape)
