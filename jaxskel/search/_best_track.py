@@ -9,8 +9,8 @@ from jaxtyping import Array, Float, Int
 
 from .._runtime.batching import length_of, single_precision, take
 from .._runtime.compile_cache import cached_jit
-from ..body import Pose, place_joints
-from ..refinement.terms import Observed
+from ..body import Body, Pose, place_joints
+from ..refinement.terms import Objective, Observed
 from ._cheapest_path import apart, cheapest_path, jump_costs
 from ._facing import left_of, turned_round
 from ._fit import Scales, fit_hypothesis, fit_scales
@@ -68,10 +68,8 @@ def best_track(model: Model, tracking: Tracking, track: Track | None, offers: Po
     scales = follow_scales(tracking)
 
     def follow(order: Int[np.ndarray, " frames"], last: Pose, before: Pose, margins: Float[np.ndarray, "2"]) -> _Way:
-        number = jnp.asarray(order, jnp.int32)
-        last, before = single_precision((last, before))
-        poses, cost = single_precision(take((two.poses, two.cost), order))
-        found = _follow(model, jnp.asarray(margins, jnp.float32), scales, last, before, poses, cost, number, stack)
+        given = single_precision((margins, scales, last, before, *take((two.poses, two.cost), order)))
+        found = _follow(model.body, model.objective, *given, order.astype(np.int32), stack)
         return jax.tree.map(lambda a: np.asarray(a)[:count], found)
 
     margins = np.array([tracking.margin, tracking.turn_margin])
@@ -133,7 +131,8 @@ def _jumps(
 
 @cached_jit
 def _follow(
-    model: Model,
+    body: Body,
+    objective: Objective,
     margins: Float[Array, "2"],
     scales: Scales,
     last: Pose,
@@ -153,7 +152,7 @@ def _follow(
         (last, before), (offered, offered_cost, number) = past, frame
         seen = stack.of(number)
         hypotheses = jax.tree.map(lambda *a: jnp.stack(a), last, _onwards(last, before))
-        poses, cost = jax.vmap(lambda pose: fit_hypothesis(model.body, model.objective, pose, seen, scales))(hypotheses)
+        poses, cost = jax.vmap(lambda pose: fit_hypothesis(body, objective, pose, seen, scales))(hypotheses)
         best = jnp.argmin(cost)
         pose, cost = jax.tree.map(lambda a: a[best], (poses, cost))
         turned = turned_round(left_of(offered), left_of(pose)[None])

@@ -50,7 +50,7 @@ def fitting(body: Body, objective: Objective, pool: Pool, stack: Observed, scale
     if len(pool) == 0:
         return pool
 
-    def fitted(poses: Pose, frames: Int[Array, " chunk"]) -> tuple[Pose, Float[Array, " chunk"]]:
+    def fitted(poses: Pose, frames: Int[np.ndarray, " chunk"]) -> tuple[Pose, Float[Array, " chunk"]]:
         return _fitted(body, objective, poses, frames, stack, scales)
 
     poses, cost = yield from in_chunks(fitted, pool, _sizes(stack))
@@ -69,14 +69,14 @@ def _sizes(stack: Observed) -> tuple[int, ...]:
     return _ALONE if length_of(stack) == 1 else (_AT_ONCE,)
 
 
-def in_chunks(work: Callable[[Pose, Int[Array, " chunk"]], Any], pool: Pool, sizes: tuple[int, ...]) -> Steps[Any]:
+def in_chunks(work: Callable[[Pose, Int[np.ndarray, " chunk"]], Any], pool: Pool, sizes: tuple[int, ...]) -> Steps[Any]:
     """Apply `work` to the poses of a pool and their frames in chunks of the given sizes; the last one is padded."""
     done, start = [], 0
     while start < len(pool):
         size = next((size for size in sizes if size >= len(pool) - start), sizes[-1])
         chosen = np.minimum(np.arange(start, start + size), len(pool) - 1)
         given = take(pool.poses, chosen), pool.frame[chosen].astype(np.int32)
-        done.append(jax.tree.map(np.asarray, work(*jax.device_put(given))))
+        done.append(jax.tree.map(np.asarray, work(*given)))
         start += size
         yield
     return jax.tree.map(lambda *parts: np.concatenate(parts)[: len(pool)], *done)

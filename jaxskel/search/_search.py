@@ -9,7 +9,7 @@ from functools import partial
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 
 from .._runtime.batching import length_of, on_device, take
 from .._runtime.kinds import check_count, check_number
@@ -46,7 +46,7 @@ _TRUNK = np.array([i for i, name in enumerate(SEGMENT_NAMES) if name[2:] not in 
 # allocates and frees each time.
 _LIMBS_AT_ONCE = 4
 
-_Propose = Callable[[Pose, Array], Pose]
+_Propose = Callable[[Pose, Int[np.ndarray, " n"]], Pose]
 """Proposes other limbs for poses (axis ``n``) of the given frames; returns poses with axes ``n proposals``."""
 
 
@@ -227,7 +227,7 @@ def _searched(model: Model, search: Search, starts: Pool, stack: Observed, wide:
         other = yield from _fitted(model, search, proposed, stack, (search.singles + 1) // 2, best)
         return found.joined(other).distinct(search.most)
 
-    def single(limb: str, poses: Pose, at: Int[Array, " n"]) -> Pose:
+    def single(limb: str, poses: Pose, at: Int[np.ndarray, " n"]) -> Pose:
         return with_single(model, poses, at, stack, model.limbs[limb], search.singles)
 
     def settled(found: Pool) -> Steps[Pool]:
