@@ -68,8 +68,10 @@ def best_track(model: Model, tracking: Tracking, track: Track | None, offers: Po
     scales = follow_scales(tracking)
 
     def follow(order: Int[np.ndarray, " frames"], last: Pose, before: Pose, margins: Float[np.ndarray, "2"]) -> _Way:
-        given = single_precision((margins, scales, last, before, *take((two.poses, two.cost), order)))
-        found = _follow(model.body, model.objective, *given, order.astype(np.int32), stack)
+        margins, last, before = single_precision((margins, last, before))
+        poses, cost = single_precision(take((two.poses, two.cost), order))
+        number = order.astype(np.int32)
+        found = _follow(model.body, model.objective, margins, scales, last, before, poses, cost, number, stack)
         return jax.tree.map(lambda a: np.asarray(a)[:count], found)
 
     margins = np.array([tracking.margin, tracking.turn_margin])
@@ -133,13 +135,13 @@ def _jumps(
 def _follow(
     body: Body,
     objective: Objective,
-    margins: Float[Array, "2"],
+    margins: Float[Array | np.ndarray, "2"],
     scales: Scales,
     last: Pose,
     before: Pose,
     offered: Pose,
-    offered_cost: Float[Array, "frames offers"],
-    order: Int[Array, " frames"],
+    offered_cost: Float[Array | np.ndarray, "frames offers"],
+    order: Int[Array | np.ndarray, " frames"],
     stack: Observed,
 ) -> _Way:
     """Fit each frame, in the given order, from the pose before and from its extrapolation; keep the cheaper result.
@@ -166,7 +168,8 @@ def _follow(
         last = jax.tree.map(lambda new, old: jnp.where(switch, new, old), pose, last)
         return (pose, last), _Way(pose, jnp.where(switch, offered_cost, cost), followed)
 
-    return jax.lax.scan(step, (last, before), (offered, offered_cost, order))[1]
+    every = offered, jnp.asarray(offered_cost), jnp.asarray(order)
+    return jax.lax.scan(step, (last, before), every)[1]
 
 
 def _onwards(last: Pose, before: Pose) -> Pose:
