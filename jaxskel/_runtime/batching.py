@@ -84,10 +84,8 @@ def filled(tree: Any, step: int = STACK) -> Any:
 def on_device(tree: Any, step: int = STACK) -> Any:
     """A stack padded to a multiple of `step` and on the device, as compiled functions need it.
 
-    It is returned unchanged if it is already there: who put it there chose its length. A single member stays where it
-    is: few functions use it, and each takes NumPy's arrays in a tenth of the time that it takes to put them there.
+    It is returned unchanged if it is already there: who put it there chose its length.
     """
     if all(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(tree)):
         return tree
-    stack = filled(tree, step)
-    return stack if step == 1 else jax.device_put(stack)
+    return jax.device_put(filled(tree, step))
