@@ -48,8 +48,8 @@ from ._shape_quadrics import contour_quadrics, inside_quadrics, may_err
 _HINGED = HingedLimbs()
 _POSE = 3 + sum(HUMAN_15.freedoms)
 # The outlines of a well fitted body have a standard deviation of 5 mm. As errors of neighbouring rays are correlated,
-# a frame's 3600 rays count as only 30 independent measurements, about one for each capsule. In the objective of single
-# frames one ray in ten counts, because there the pose may give way instead of the body.
+# a frame's rays count as only 30 independent measurements, about one for each capsule. In the objective of frames by
+# themselves they count as 360, because there the pose may give way instead of the body.
 _MEASUREMENTS, _DEVIATION = 30, 0.005
 # Where outlines fit worse, because masks are poor, cameras are off or clothes swing, they count less: the median
 # distance times this is the standard deviation of distances that are normally distributed.

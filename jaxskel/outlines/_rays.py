@@ -10,8 +10,12 @@ from jaxtyping import Array, Bool, Float, Int, UInt8
 from ..cameras import Cameras, rays
 from ..recording import Box, person_boxes, unpacked_box
 
-RAYS = 3600
-"""Default number of rays per frame: about a third of an outline's pixels in ten views of 640 x 480."""
+RAYS = 2400
+"""Default number of rays per frame: about a quarter of an outline's pixels in ten views of 640 x 480.
+
+With 3600, single frames take 1.13 times as long. Of 1088 hands of crowd, 5 were wrong with 3600 and 6 with 2400; joints
+were 10 mm off with either.
+"""
 
 
 class Contours(eqx.Module):

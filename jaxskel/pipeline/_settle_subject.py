@@ -18,7 +18,7 @@ STAGES = ("searching", "adjusting", "searching again", "adjusting again", "judgi
 """What `find_subject` does, one after the other."""
 # The frames with the worst fits may have wrong poses; they are left out.
 _USED = 0.8
-THINNED = 3
+THINNED = 2
 """One ray in this many is used to adjust a body, because neighbouring rays are correlated."""
 # Deviation of the stature that bodies of capsules have even where outlines are many (share): the root mean square over
 # 23 sequences of the bodies p00 to p07 of crowd.

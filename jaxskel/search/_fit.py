@@ -28,7 +28,7 @@ _AT_ONCE = 8
 # The same for a frame by itself, which has few of them and should not wait long for a chunk.
 _ALONE = (2, 4)
 # A step uses one in this many rays; the final cost uses all.
-_FEW = 9
+_FEW = 6
 
 # NumPy arrays: a module constant must not start JAX, which would take all cores before a process is assigned one.
 Scales = tuple[Float[Array | np.ndarray, " steps"], Int[Array | np.ndarray, ""]]

@@ -12,7 +12,7 @@ from ._limb_search import Limb, Scored, best_pairs, best_single, score_limb, une
 from ._model import Model
 
 # The limb search uses one in this many rays, to save time.
-_SOME = 3
+_SOME = 2
 
 
 @cached_jit

@@ -101,6 +101,6 @@ def rival_after(tracking: Tracking, fork: Fork, way: Decided) -> Rival | None:
     others = fork.both.ordered(1 - way.path[:, None]).best
     excess = float(np.ptp(way.through[-1]))
     left = left_of(jax.tree.map(lambda a: a[-1], fork.both.poses))
-    if excess >= tracking.turn_margin or not turned_round(left[0], left[1]):
+    if excess >= tracking.turn_margin or not turned_round(left[:1], left[1:]).all():
         return None
     return Rival(*last_two(others), excess)
