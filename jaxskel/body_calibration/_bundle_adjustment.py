@@ -278,7 +278,7 @@ def _inside(body: Body, observed: Observed, weight: Float[Array, ""] | np.float3
     """The term of the silhouettes for outlines of some weight.
 
     Of poor masks it counts no more than the outlines do, and no view by itself: each has other holes, and all of them
-    together made three bodies with dirty masks 1 to 2 cm too thin all over, and their bones 45 mm wrong instead of 6.
+    together made two bodies with dirty masks 1 to 2 cm too thin all over, and their bones 45 mm wrong instead of 6.
     """
     usual = InsideSilhouettes(body=body, weight=_INSIDE)
     poor = may_err(observed)
