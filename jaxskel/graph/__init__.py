@@ -17,6 +17,7 @@ from ._scoop import scoop as scoop
 from ._skeletal_graph import MAX_ENDS as MAX_ENDS
 from ._skeletal_graph import SkeletalGraph as SkeletalGraph
 from ._skeletal_graph import prune as prune
+from ._skeletonisers import GeodesicShells as GeodesicShells
 from ._skeletonisers import Skeletoniser as Skeletoniser
 from ._skeletonisers import VoxelScooping as VoxelScooping
 from ._thinnest_paths import ThinnestPaths as ThinnestPaths

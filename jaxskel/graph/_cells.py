@@ -24,13 +24,14 @@ def _touching(way: np.ndarray) -> int:
     return int((beside.all(1) << np.arange(8)).sum())
 
 
-HERE = np.array([_touching(way) for way in _AROUND], np.uint8)
-"""For each direction, the voxels of a cell that touch its neighbour there, as bits."""
-THERE = np.array([_touching(-way) for way in _AROUND], np.uint8)
-"""For each direction, the voxels of that neighbour that touch this cell, as bits."""
+_BYTES = np.arange(256)[:, None]
+_HERE = np.array([_touching(way) for way in _AROUND])
+_THERE = np.array([_touching(-way) for way in _AROUND])
+TOUCHED = np.where(_BYTES & _HERE, _THERE, 0).astype(np.uint8)
+"""For each byte and direction, the voxels of the neighbour there that touch a cell with this byte, as bits."""
 
 # For each byte: number of voxels, their lower and upper bounds, and the mean of their centres (voxels).
-_HELD = (np.arange(256)[:, None] >> np.arange(8)) % 2 == 1
+_HELD = (_BYTES >> np.arange(8)) % 2 == 1
 _COUNT = _HELD.sum(1)
 _LOW = np.where(_HELD[..., None], _CORNERS, 2).min(1)
 _HIGH = np.where(_HELD[..., None], _CORNERS + 1, 0).max(1)
@@ -50,8 +51,8 @@ class Cells:
         rows: Lower corner of each row of cells along z, in the world (m).
         depth: Number of cells per row.
         spacing: Edge of a voxel (m).
-        tables: For each byte, relative to the cell's corner: lower bounds, upper bounds and mean centre of its voxels
-            (m).
+        tables: For each byte: mean centre of its voxels, relative to the cell's corner; from there, the way to their
+            lower bounds, turned round, and to their upper bounds (m).
     """
 
     codes: UInt8[np.ndarray, " cells"]
@@ -59,24 +60,30 @@ class Cells:
     rows: Float[np.ndarray, "rows 3"]
     depth: int
     spacing: float
-    tables: tuple[Float[np.ndarray, "codes 3"], Float[np.ndarray, "codes 3"], Float[np.ndarray, "codes 3"]]
+    tables: tuple[Float[np.ndarray, "codes 3"], Float[np.ndarray, "codes 6"]]
 
     def middles(self, some: Int[np.ndarray, " some"]) -> Float[np.ndarray, "some 3"]:
         """Mean of the voxel centres of some cells, in the world (m)."""
-        corners = self._corners(some)
-        corners += self.tables[2].take(self.codes.take(some), 0)
-        return corners
-
-    def measured(self, some: Int[np.ndarray, " some"]) -> tuple[Int[np.ndarray, " some"], list[np.ndarray]]:
-        """Number of voxels of some cells, and the positions of `tables` in the world (m)."""
-        corners, codes = self._corners(some), self.codes.take(some)
-        return _COUNT.take(codes), [corners + table.take(codes, 0) for table in self.tables]
-
-    def _corners(self, some: Int[np.ndarray, " some"]) -> Float[np.ndarray, "some 3"]:
         row = some // self.depth
-        corners = self.rows.take(row, 0)
-        corners[:, 2] += 2 * self.spacing * (some - row * self.depth)
-        return corners
+        middles = self.rows.take(row, 0)
+        row *= -self.depth
+        row += some
+        middles[:, 2] += row * (2 * self.spacing)
+        middles += self.tables[0].take(self.codes.take(some), 0)
+        return middles
+
+    def counts(self, some: Int[np.ndarray, " some"]) -> Int[np.ndarray, " some"]:
+        """Number of voxels of some cells."""
+        return _COUNT.take(self.codes.take(some))
+
+    def bounds(
+        self, some: Int[np.ndarray, " some"], middles: Float[np.ndarray, "some 3"]
+    ) -> Float[np.ndarray, "some 6"]:
+        """Lower bounds of some cells' voxels, as negative numbers, then upper bounds (m), from the cells' `middles`."""
+        bounds = self.tables[1].take(self.codes.take(some), 0)
+        bounds[:, :3] -= middles
+        bounds[:, 3:] += middles
+        return bounds
 
 
 def cells_of(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> tuple[Cells, Int[np.ndarray, " frames"]]:
@@ -91,20 +98,24 @@ def cells_of(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> tuple[Cel
     Returns:
         The cells, and the index of each root's cell.
     """
-    axes = np.ascontiguousarray(hulls.voxels.T)
-    own = [axes.take(inside.nonzero()[0], 1) for inside in hulls.inside]
-    low = (np.array([voxels.min(1) for voxels in own], np.int64) >> 1) - 1
-    high = (np.array([voxels.max(1) for voxels in own], np.int64) >> 1) + 2
+    own = [inside.nonzero()[0] for inside in hulls.inside]
+    axes = [axis >> 1 for axis in np.ascontiguousarray(hulls.voxels.T)]
+    # Voxels are in grid order: x never falls.
+    held = [(axes[0].take(some[[0, -1]]), axes[1].take(some), axes[2].take(some)) for some in own]
+    low = np.array([[axis.min() for axis in each] for each in held], np.int64) - 1
+    high = np.array([[axis.max() for axis in each] for each in held], np.int64) + 2
     shape: list[int] = (high - low).max(0).tolist()
     strides = np.array([shape[1] * shape[2], shape[2], 1])
+    starts = low @ strides
+    places = axes[0] * strides[0] + axes[1] * strides[1] + axes[2]
+    x, y, z = (hulls.voxels & 1).T
+    bits = _BITS.take(x << 2 | y << 1 | z)
     codes = np.empty((len(hulls), shape[0] * shape[1] * shape[2]), np.uint8)
-    for box, (x, y, z), (x0, y0, z0) in zip(codes, own, low.tolist(), strict=True):
-        bits = _BITS.take((x & 1) << 2 | (y & 1) << 1 | z & 1)
-        places = (((x >> 1) - x0) * shape[1] + ((y >> 1) - y0)) * shape[2] + ((z >> 1) - z0)
-        box[:] = np.bincount(places, bits, len(box))
-    at_roots = ((hulls.voxels[roots] >> 1) - low) @ strides + np.arange(len(hulls)) * codes.shape[1]
+    for box, some, start in zip(codes, own, starts.tolist(), strict=True):
+        box[:] = np.bincount(places.take(some) - start, bits.take(some), len(box))
+    at_roots = places[roots] - starts + np.arange(len(hulls)) * codes.shape[1]
     spacing = hulls.grid.spacing
     columns = np.indices((shape[0], shape[1], 1)).reshape(3, -1).T
     rows = (np.asarray(hulls.grid.origin) + 2 * spacing * (low[:, None] + columns)).reshape(-1, 3)
-    tables = spacing * _LOW, spacing * _HIGH, spacing * _MIDDLE
+    tables = spacing * _MIDDLE, spacing * np.concatenate([_MIDDLE - _LOW, _HIGH - _MIDDLE], 1)
     return Cells(codes.reshape(-1), _AROUND @ strides, rows, shape[2], spacing, tables), at_roots

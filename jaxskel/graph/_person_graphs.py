@@ -8,9 +8,9 @@ from ..hull import VisualHulls
 from ._forest import forest_of
 from ._root_finders import RootFinder
 from ._skeletal_graph import MAX_ENDS, SkeletalGraph, limit_ends, prune_all
-from ._skeletonisers import Skeletoniser, VoxelScooping
+from ._skeletonisers import GeodesicShells, Skeletoniser
 
-MIN_BRANCH = 0.24
+MIN_BRANCH = 0.2
 """Shortest branch that is kept (m); `GraphSettings.min_branch` says which measurement chose it."""
 
 
@@ -21,7 +21,7 @@ def skeletal_graphs(
     skeletoniser: Skeletoniser | None = None,
 ) -> list[SkeletalGraph]:
     """Pruned graph of each hull (Sect. 3.1): `roots` index ``hulls.voxels``, branches are at least `min_branch` (m)."""
-    graphs = prune_all((skeletoniser or VoxelScooping()).skeletonise(hulls, roots), min_branch)
+    graphs = prune_all((skeletoniser or GeodesicShells()).skeletonise(hulls, roots), min_branch)
     many = 1 + forest_of(graphs).leaves.sum(1) > MAX_ENDS
     return [limit_ends(graph, MAX_ENDS) if m else graph for graph, m in zip(graphs, many, strict=True)]
 

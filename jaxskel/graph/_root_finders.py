@@ -7,7 +7,7 @@ from typing import Protocol, runtime_checkable
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Bool, Int, UInt8
+from jaxtyping import Bool, Int, Num, UInt8
 
 from ..body import Skeleton
 from ..hull import VisualHulls, bodies_among
@@ -33,8 +33,9 @@ class HighestVoxel(eqx.Module):
     def roots(self, hulls: VisualHulls, skeleton: Skeleton) -> Int[np.ndarray, " frames"]:
         """Index into ``hulls.voxels`` of the root of each person's graph; 0 for an empty hull."""
         roots = np.zeros(len(hulls), np.int64)
+        heights = hulls.voxels @ np.array(skeleton.template.begins)
         for f in np.flatnonzero(hulls.inside.any(1)):
-            roots[f] = _highest(hulls, np.flatnonzero(hulls.inside[f]), skeleton.template.begins)
+            roots[f] = _highest(hulls, np.flatnonzero(hulls.inside[f]), heights)
         return roots
 
 
@@ -78,7 +79,7 @@ class HeadBall(eqx.Module):
                 core = _highest_core(hulls, np.flatnonzero(deep), least, lead)
                 alone = 0 < len(core) <= most
                 if len(core) and (alone or roots[f] < 0):
-                    roots[f] = _straight_up(hulls, f, _highest(hulls, core))
+                    roots[f] = _straight_up(hulls, f, _highest(hulls, core, hulls.voxels[:, 2]))
                 if not alone:
                     joined = np.append(joined, f)
         none = roots < 0
@@ -144,10 +145,10 @@ def _eroded(
     return eroded
 
 
-def _highest(hulls: VisualHulls, own: Int[np.ndarray, " own"], up: tuple[float, float, float] = (0.0, 0.0, 1.0)) -> int:
+def _highest(hulls: VisualHulls, own: Int[np.ndarray, " own"], heights: Num[np.ndarray, " voxels"]) -> int:
     """The highest of some voxels; of equally high ones, the one nearest to their mean."""
-    heights = hulls.voxels[own] @ np.array(up)
-    top = own[heights == heights.max()]
+    mine = heights.take(own)
+    top = own[mine == mine.max()]
     places = hulls.voxels[top]
     return int(top[np.argmin(((places - places.mean(0)) ** 2).sum(1))])
 

@@ -10,18 +10,21 @@ times fewer of them, and the wave takes half as many steps. A thin limb gets a n
 Frames are independent: the result of a frame does not depend on the rest of the batch.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Float, Int
 
 from .._math.components import first_mentions
 from ..hull import VisualHulls
 from ._cells import Cells, cells_of
+from ._end_nodes import moved_outwards
+from ._parts import in_parts
 from ._skeletal_graph import SkeletalGraph
 from ._wavefront import Wave, stable_order
 
-# Voxels processed at once, which bounds the memory: in the boxes around hulls (a byte each), and in hulls (more bytes).
-_MOST_IN_BOXES = 200_000_000
-_MOST_IN_HULLS = 4_000_000
+# Voxels of all hulls that are processed at once, which bounds the memory.
+_MOST = 4_000_000
 
 
 def scoop(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[SkeletalGraph]:
@@ -44,18 +47,7 @@ def scoop(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[Skeleta
     Raises:
         ValueError: A hull is empty.
     """
-    empty = np.flatnonzero(~hulls.inside.any(1))
-    if len(empty):
-        raise ValueError(f"hull {empty[0]} of {len(hulls)} has no voxel: leave frames without a person out")
-    if len(hulls) == 0:
-        return []
-    box = int(np.prod([np.ptp(axis) + 4 for axis in np.ascontiguousarray(hulls.voxels.T)]))
-    at_once = max(1, min(_MOST_IN_BOXES // box, _MOST_IN_HULLS // int(hulls.inside.sum(1).max())))
-    graphs: list[SkeletalGraph] = []
-    for start in range(0, len(hulls), at_once):
-        part = slice(start, start + at_once)
-        graphs += _scoop(VisualHulls(hulls.voxels, hulls.inside[part], hulls.grid), roots[part])
-    return graphs
+    return in_parts(_scoop, hulls, roots, _MOST)
 
 
 def _scoop(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[SkeletalGraph]:
@@ -68,42 +60,65 @@ def _scoop(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[Skelet
     reached, owners = wave.seen(seeds, frames)
     wave.mark_visited(reached)
     while len(reached):
-        labels, parents = _ranked(wave.components(reached, owners), owners)
-        made, radius = nodes.place(cells, reached.take(stable_order(labels)), np.bincount(labels), parents)
+        clusters = _Clusters.of(reached, owners, wave.components(reached, owners))
+        made, squared_radius = nodes.place(cells, clusters)
 
         # Grow: cells too far from the node are left for the next round, with the cluster that reached them.
-        front, owners = reached, labels
-        later: list[tuple[np.ndarray, np.ndarray]] = []
+        front, owners = clusters.members, clusters.labels
+        fronts, whose, nearby = [], [], []
         nodes.hold(front, owners)
         while len(front):
             front, owners = wave.seen(front, owners)
-            far = _lengths(cells.middles(front) - made.take(owners, 0)) >= radius.take(owners)
-            near, beyond = (~far).nonzero()[0], far.nonzero()[0]
-            later.append((front.take(beyond), owners.take(beyond)))
-            front, owners = front.take(near), owners.take(near)
+            near = _squares(cells.middles(front) - made.take(owners, 0)) < squared_radius.take(owners)
+            fronts.append(front), whose.append(owners), nearby.append(near)
+            grown = near.nonzero()[0]
+            front, owners = front.take(grown), owners.take(grown)
             wave.mark_visited(front)
-            nodes.hold(front, owners)
-        reached, owners = wave.mark_visited_first(*(np.concatenate(arrays) for arrays in zip(*later, strict=True)))
-    nodes.move_ends(cells)
-    return nodes.graphs(len(hulls))
+        front, owners, near = np.concatenate(fronts), np.concatenate(whose), np.concatenate(nearby)
+        grown, beyond = near.nonzero()[0], (~near).nonzero()[0]
+        nodes.hold(front.take(grown), owners.take(grown))
+        reached, owners = wave.mark_visited_first(front.take(beyond), owners.take(beyond))
+    return nodes.graphs(cells, len(hulls))
 
 
-def _lengths(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
-    """The same as `numpy.linalg.norm` along the last axis, in a third of the time."""
-    return np.sqrt(np.einsum("ni,ni->n", vectors, vectors))
+class _Clusters(NamedTuple):
+    """Clusters of cells, numbered by owner, decreasing size, then first cell.
+
+    Attributes:
+        members: Indices of their cells, cluster by cluster.
+        labels: The cluster of each of these.
+        starts: Position of each cluster's first cell.
+        sizes: Number of cells of each cluster.
+        owners: Owner of each cluster.
+    """
+
+    members: Int[np.ndarray, " n"]
+    labels: Int[np.ndarray, " n"]
+    starts: Int[np.ndarray, " clusters"]
+    sizes: Int[np.ndarray, " clusters"]
+    owners: Int[np.ndarray, " clusters"]
+
+    @classmethod
+    def of(
+        cls, cells: Int[np.ndarray, " n"], owners: Int[np.ndarray, " n"], labels: Int[np.ndarray, " n"]
+    ) -> "_Clusters":
+        """Clusters of cells that are ordered by owner, from labels that no two owners share."""
+        sizes = np.bincount(labels)
+        if np.count_nonzero(owners[1:] != owners[:-1]) + 1 < len(sizes):  # an owner has several
+            first = first_mentions(labels, len(sizes))
+            order = np.lexsort((first, -sizes, owners.take(first)))
+            rank = np.empty(len(sizes), np.int64)
+            rank[order] = np.arange(len(sizes))
+            labels, sizes = rank.take(labels), sizes.take(order)
+            by_cluster = stable_order(labels)
+            cells, owners, labels = (array.take(by_cluster) for array in (cells, owners, labels))
+        starts = sizes.cumsum() - sizes
+        return cls(cells, labels, starts, sizes, owners.take(starts))
 
 
-def _ranked(
-    labels: Int[np.ndarray, " n"], owners: Int[np.ndarray, " n"]
-) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " clusters"]]:
-    """Renumber clusters by owner, decreasing size, then first cell; return labels and the owner of each cluster."""
-    size = np.bincount(labels)
-    first = first_mentions(labels, len(size))
-    owner = owners[first]
-    order = np.lexsort((first, -size, owner))
-    rank = np.empty(len(size), np.int64)
-    rank[order] = np.arange(len(size))
-    return rank.take(labels), owner[order]
+def _squares(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+    """Squared lengths, in a third of the time of `numpy.linalg.norm`."""
+    return np.einsum("ni,ni->n", vectors, vectors)
 
 
 class _Nodes:
@@ -118,67 +133,39 @@ class _Nodes:
         self._held = [(frames[:0], frames[:0])]
 
     def place(
-        self,
-        cells: Cells,
-        members: Int[np.ndarray, " n"],
-        sizes: Int[np.ndarray, " clusters"],
-        parents: Int[np.ndarray, " clusters"],
+        self, cells: Cells, clusters: _Clusters
     ) -> tuple[Float[np.ndarray, "clusters 3"], Float[np.ndarray, " clusters"]]:
-        """Add one node for each cluster of cells.
-
-        Args:
-            cells: All cells.
-            members: Indices of the clusters' cells, cluster by cluster.
-            sizes: Number of cells of each cluster.
-            parents: Parent node of each cluster, counted from the first node of the last round.
+        """Add one node for each cluster of cells, whose owner counts from the first node of the last round.
 
         Returns:
-            Positions of the nodes in the world, and the distance of each to the farthest of its cells (m).
+            Positions of the nodes in the world, and the squared distance of each to the farthest of its cells (m).
         """
-        starts = sizes.cumsum() - sizes
-        counts, (low, high, middles) = cells.measured(members)
+        members, _, starts, sizes, parents = clusters
+        counts, middles = cells.counts(members), cells.middles(members)
         centroid = np.add.reduceat(middles * counts[:, None], starts) / np.add.reduceat(counts, starts)[:, None]
-        extent = _lengths(np.maximum.reduceat(high, starts) - np.minimum.reduceat(low, starts))
-        start, before = self.positions[-1][parents], self.extents[-1][parents]
+        bounds = np.maximum.reduceat(cells.bounds(members, middles), starts)
+        extent = np.sqrt(_squares(bounds[:, :3] + bounds[:, 3:]))
+        start, before = self.positions[-1].take(parents, 0), self.extents[-1].take(parents)
         s = np.minimum(extent, before) / np.maximum(extent, before)
         position = start + (0.5**s)[:, None] * (centroid - start)
-        radius = np.maximum.reduceat(_lengths(middles - position.repeat(sizes, 0)), starts)
+        squared_radius = np.maximum.reduceat(_squares(middles - position.repeat(sizes, 0)), starts)
         count = len(self.frames[-1])
-        self.frames.append(self.frames[-1][parents])
+        self.frames.append(self.frames[-1].take(parents))
         self.parents.append(parents + self._first)
         self.positions.append(position)
         self.extents.append(extent)
         self._first += count
-        return position, radius
+        return position, squared_radius
 
     def hold(self, some: Int[np.ndarray, " n"], owners: Int[np.ndarray, " n"]) -> None:
         """Store cells of the last round's clusters, and the cluster of each."""
         self._held.append((some, owners + self._first))
 
-    def move_ends(self, cells: Cells) -> None:
-        """Move end nodes to the centroid of the outermost voxels, two deep seen from the parent, of all siblings."""
-        positions, parents = np.concatenate(self.positions), np.concatenate(self.parents)
-        last = parents >= 0
-        last[parents[last]] = False
-        ends = last.nonzero()[0]
-        starts, limb_of_end = np.unique(parents.take(ends), return_inverse=True)
-        limb = np.zeros(len(parents), np.int64)
-        limb[ends] = limb_of_end
-        held, owners = (np.concatenate(arrays) for arrays in zip(*self._held, strict=True))
-        mine = last.take(owners).nonzero()[0]
-        counts, (_, _, middles) = cells.measured(held.take(mine))
-        limbs = limb.take(owners.take(mine))
-        away = _lengths(middles - positions.take(starts, 0).take(limbs, 0))
-        farthest = np.zeros(len(starts))
-        np.maximum.at(farthest, limbs, away)
-        weights = counts * (away > farthest.take(limbs) - 2 * cells.spacing)
-        sums = np.stack([np.bincount(limbs, weights * along, len(starts)) for along in middles.T], 1)
-        positions[ends] = (sums / np.bincount(limbs, weights, len(starts))[:, None]).take(limb_of_end, 0)
-        self.positions = [positions]
-
-    def graphs(self, count: int) -> list[SkeletalGraph]:
+    def graphs(self, cells: Cells, count: int) -> list[SkeletalGraph]:
         """One graph per frame."""
-        positions, parents = np.concatenate(self.positions), np.concatenate(self.parents)
+        parents = np.concatenate(self.parents)
+        held = (np.concatenate(arrays) for arrays in zip(*self._held, strict=True))
+        positions = moved_outwards(np.concatenate(self.positions), parents, cells, *held)
         frames, extents = np.concatenate(self.frames), np.concatenate(self.extents)
         order = np.argsort(frames, kind="stable")
         start = np.searchsorted(frames[order], np.arange(count + 1))

@@ -11,6 +11,7 @@ from jaxtyping import Int
 
 from ..hull import VisualHulls
 from ._scoop import scoop
+from ._shells import shells
 from ._skeletal_graph import SkeletalGraph
 
 
@@ -26,6 +27,14 @@ class Skeletoniser(Protocol):
             roots: For each frame, the index into ``hulls.voxels`` of the root (the head).
         """
         ...
+
+
+class GeodesicShells(eqx.Module):
+    """Nodes in the middle of shells of equal geodesic distance from the root, see [`shells`][jaxskel.graph.shells]."""
+
+    def skeletonise(self, hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[SkeletalGraph]:
+        """One graph per frame, in the hulls' world (m), not pruned."""
+        return shells(hulls, roots)
 
 
 class VoxelScooping(eqx.Module):

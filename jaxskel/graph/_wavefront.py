@@ -4,15 +4,16 @@ import numpy as np
 from jaxtyping import Int
 
 from .._math.components import connected
-from ._cells import HERE, THERE, WAYS, Cells
+from ._cells import TOUCHED, WAYS, Cells
 
 # Cells whose neighbours are examined at once: their positions fit into 16 bits, and the arrays into the cache.
 _AT_ONCE = 2048
 # Positions of these neighbours, ascending and descending.
 _UP = np.arange(_AT_ONCE * WAYS, dtype=np.uint16)
 _DOWN = _UP[::-1].copy()
-# Tiled, because one long array is faster than many short ones.
-_THERE = np.tile(THERE, _AT_ONCE)
+# One of each pair of opposite directions.
+_AHEAD = WAYS // 2
+_TOUCHED_AHEAD = TOUCHED[:, :_AHEAD].T.copy()
 
 
 class Wave:
@@ -21,9 +22,12 @@ class Wave:
     def __init__(self, cells: Cells):
         self._codes = cells.codes
         self._open = cells.codes.copy()  # 0 where visited
+        self._ahead = cells.steps[:_AHEAD, None]
+        # Tiled, because one long array is faster than many short ones.
         self._steps = np.tile(cells.steps, min(_AT_ONCE, len(cells.codes)))
         self._mention = np.empty(len(self._open), np.uint16)
-        self._number = np.zeros(len(self._open), np.int32)
+        self._number = np.empty(len(self._open), np.int32)
+        self._group = np.full(len(self._open), -1, np.int32)
 
     def mark_visited(self, cells: Int[np.ndarray, " n"]) -> None:
         """Mark cells as visited."""
@@ -38,9 +42,8 @@ class Wave:
         around = cells.repeat(WAYS)
         around += self._steps[: len(around)]
         there = self._open.take(around)
-        there &= _THERE[: len(around)]
-        here = self._codes.take(cells)[:, None] & HERE
-        hit = np.logical_and(here.reshape(-1), there).nonzero()[0]
+        there &= TOUCHED.take(self._codes.take(cells), 0).reshape(-1)
+        hit = (there != 0).nonzero()[0]
         around = around.take(hit)
         first = self._first(around)
         return around.take(first), owners.take(hit.take(first) // WAYS)
@@ -62,29 +65,34 @@ class Wave:
     ) -> tuple[Int[np.ndarray, " open"], Int[np.ndarray, " open"]]:
         """Visit the open ones of some cells, ordered by owner; of several entries of a cell the first counts."""
         order = stable_order(owners)
-        cells, owners = cells.take(order), owners.take(order)
+        cells = cells.take(order)
         kept = [order[:0]]
         for start in range(0, len(cells), len(_UP)):
             some = cells[start : start + len(_UP)]
-            still = (self._open.take(some) != 0).nonzero()[0]
+            still = self._open.take(some).nonzero()[0]
             still = still.take(self._first(some.take(still)))
             self.mark_visited(some.take(still))
             kept.append(start + still)
-        index = np.concatenate(kept)
-        return cells.take(index), owners.take(index)
+        index = kept[1] if len(kept) == 2 else np.concatenate(kept)
+        return cells.take(index), owners.take(order.take(index))
 
     def components(self, cells: Int[np.ndarray, " n"], owners: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
-        """Label the connected components of cells with the same owner, from 0."""
-        ahead = WAYS // 2  # one of each pair of opposite directions
-        self._number[cells] = np.arange(1, len(cells) + 1)
-        other = self._number.take((cells[:, None] + self._steps[:ahead]).reshape(-1))
-        self._number[cells] = 0
-        hit = (other != 0).nonzero()[0]
-        source, target = hit // ahead, other.take(hit) - 1
-        way, codes = hit - source * ahead, self._codes.take(cells)
-        touch = np.logical_and(codes.take(source) & HERE.take(way), codes.take(target) & THERE.take(way))
-        met = (touch & (owners.take(source) == owners.take(target))).nonzero()[0]
-        return connected(source.take(met), target.take(met), len(cells))
+        """Label the connected components of cells with the same owner, from 0, in the order of their last cells."""
+        self._number[cells] = np.arange(len(cells))
+        self._group[cells] = owners
+        codes = self._codes.take(cells)
+        pairs = []
+        for start in range(0, len(cells), _AT_ONCE):
+            part = slice(start, start + _AT_ONCE)
+            around = (self._ahead + cells[part]).reshape(-1)
+            mine, touched = owners[part], _TOUCHED_AHEAD.take(codes[part], 1)
+            hit = (self._group.take(around).reshape(touched.shape) == mine).reshape(-1).nonzero()[0]
+            around = around.take(hit)
+            met = (touched.reshape(-1).take(hit) & self._codes.take(around)).nonzero()[0]
+            pairs.append((hit.take(met) % len(mine) + start, self._number.take(around.take(met))))
+        self._group[cells] = -1
+        one, other = pairs[0] if len(pairs) == 1 else (np.concatenate(ends) for ends in zip(*pairs, strict=True))
+        return connected(one, other, len(cells))
 
     def _first(self, cells: Int[np.ndarray, " n"]) -> Int[np.ndarray, " first"]:
         """Index of the first entry of every cell."""

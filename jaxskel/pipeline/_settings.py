@@ -6,7 +6,7 @@ from jaxtyping import Float
 
 from .._runtime.kinds import check_count, check_kind, check_number
 from ..body import HUMAN_15, Body, Skeleton, default_adult, make_body
-from ..graph import MIN_BRANCH, HeadBall, HighestVoxel, RootFinder, Skeletoniser, VoxelScooping
+from ..graph import MIN_BRANCH, GeodesicShells, HeadBall, HighestVoxel, RootFinder, Skeletoniser
 from ..hull import check_spacing
 from ..matching import HANDLESS_DESCRIPTOR, PAPER_DESCRIPTOR, DtwMatcher, ExactMatcher, Matcher
 from ..refinement import Solver, check_choices
@@ -64,13 +64,13 @@ class GraphSettings(eqx.Module):
             `benchmarks/defaults.py`.
     """
 
-    skeletoniser: Skeletoniser = VoxelScooping()
+    skeletoniser: Skeletoniser = GeodesicShells()
     root_finder: RootFinder = HeadBall()
     min_branch: float = MIN_BRANCH
 
     def __check_init__(self):
         """Reject classes for instances, and millimetres."""
-        check_kind("skeletoniser", self.skeletoniser, Skeletoniser, "one, such as VoxelScooping()")
+        check_kind("skeletoniser", self.skeletoniser, Skeletoniser, "one, such as GeodesicShells()")
         check_kind("root_finder", self.root_finder, RootFinder, "one, such as HeadBall()")
         check_number("min_branch", self.min_branch, 0.0, 2.0, "a length in metres, such as 0.24")
 

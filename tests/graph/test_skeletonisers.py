@@ -20,11 +20,13 @@ from support.voxel_bodies import (
     voxels_from_root,
 )
 
-from jaxskel.graph import ThinnestPaths, VoxelScooping, prune
+from jaxskel.graph import GeodesicShells, ThinnestPaths, VoxelScooping, prune
 from jaxskel.hull import VoxelGrid, hulls_from_dense
 
 
-@pytest.fixture(params=[VoxelScooping(), ThinnestPaths()], ids=["scooping", "thinnest paths"])
+@pytest.fixture(
+    params=[GeodesicShells(), VoxelScooping(), ThinnestPaths()], ids=["shells", "scooping", "thinnest paths"]
+)
 def skeletoniser(request):
     return request.param
 

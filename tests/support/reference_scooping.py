@@ -70,7 +70,7 @@ def scooped_one_by_one(occupancy, root):
                 nodes.append(node)
                 parents.append(owner)
                 extents.append(extent)
-        queue = [(cell, cluster[cell]) for owner in sorted(wave) for cell in wave[owner]]
+        queue = sorted(((cell, cluster[cell]) for cells in wave.values() for cell in cells), key=lambda one: one[1])
         later = {owner: [] for owner in radius}
         while queue:
             grown = []
