@@ -28,7 +28,7 @@ from ._prepare import check_given, prepare
 from ._prepared import Costs
 from ._settings import Settings
 from ._settle_subject import STAGES as SUBJECT_STAGES
-from ._subject import OTHER_SIZES, find_subject
+from ._subject import find_subject, other_sizes
 from ._subject_frames import Sight, sight_of
 
 FRAMES = 60
@@ -119,7 +119,9 @@ def calibrate_body(
         raise ValueError("calibrate_body: the settings have no search for poses; give Settings(search=Search())")
     on_stage(STAGES[0])
     template, sight = _look(recording, settings, skeleton, frames)
-    subject = find_subject(template, partial(people_prior, template), sight, settings.search, OTHER_SIZES, on_stage)
+    subject = find_subject(
+        template, partial(people_prior, template), sight, settings.search, other_sizes(template.stature), on_stage
+    )
     poses, body = subject.poses, subject.body
     deviations = np.sqrt(np.diagonal(subject.covariance))
     still = {bone for bone in _TURNING if _turning(poses, body.skeleton, bone) < _TURNED}

@@ -41,14 +41,13 @@ from ._observe_batch import label_graphs, observe_batch
 from ._prepared import Prepared
 from ._settings import Settings, weight_of_priors
 from ._settle_subject import Subject
-from ._subject import OTHER_SIZES, find_subject
+from ._subject import STATURES, find_subject, other_sizes
 from ._subject_frames import Sight, sight_of
 
 FindSubject = Callable[[Skeleton, Callable[[float], Prior], Sight, Search, tuple[float, ...]], Subject]
 """`find_subject`, or `guess_subject` where nobody should wait."""
 SUBJECT_FRAMES = 24
 """Largest number of frames that a subject is found in."""
-_STATURES = (0.8, 2.4)  # m
 # Bodies of other templates are made as large as this (m): lengths of the stages are those for a person.
 _PERSON = 1.7
 # How often the size of another template is found by labelled limbs.
@@ -209,7 +208,7 @@ def with_subject(
         # Exactly as given, not rounded.
         body = eqx.tree_at(lambda b: b.skeleton, subject.body, skeleton)
         return replace(prepared, body=body, costs=subject.costs, clothes=subject.clothes)
-    subject = find(skeleton, partial(people_prior, skeleton), sight, settings.search, OTHER_SIZES)
+    subject = find(skeleton, partial(people_prior, skeleton), sight, settings.search, other_sizes(skeleton.stature))
     return replace(
         prepared, skeleton=subject.body.skeleton, body=subject.body, costs=subject.costs,
         stature_deviation=subject.stature_deviation, clothes=subject.clothes,
@@ -231,4 +230,4 @@ def _of_graphs(graphs: list[SkeletalGraph], prepared: Prepared, settings: Settin
 def template_of(graphs: list[SkeletalGraph]) -> Skeleton:
     """An average adult of the graphs' stature; of average stature where they show none that a person can have."""
     stature = estimate_stature(graphs)
-    return default_adult(stature) if stature is not None and _STATURES[0] < stature < _STATURES[1] else default_adult()
+    return default_adult(stature) if stature is not None and STATURES[0] < stature < STATURES[1] else default_adult()

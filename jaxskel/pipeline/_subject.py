@@ -24,12 +24,14 @@ from ..search import Hypotheses, Search
 from ._settle_subject import STAGES, Subject, settled, with_priors
 from ._subject_frames import Given, Sight, typical
 
-OTHER_SIZES = (0.8, 1.17, 1.35)
-"""Sizes to try where nobody has measured the subject. The graph of a real child in wide clothes was too short by a
-quarter, and no pose of that size fitted; that of `crowd_46` with masks two pixels too narrow, without feet, was too
-short by a fifth, and without a size between she was taken for a person of 1.41 m. The smallest is for the opposite
-error. From 0.8, 1 and 1.3 times the graph's stature, the adjustment of `crowd_01` came to within 2.5 % of one another.
-"""
+STATURES = (0.8, 2.4)
+"""Lowest and highest stature that a person can have (m)."""
+# Sizes to try where nobody has measured the subject, as shares of the graph's. The graph of a real child in wide
+# clothes was too short by a quarter, and no pose of that size fitted; that of `crowd_46` with masks two pixels too
+# narrow, without feet, was too short by a fifth, and without a size between she was taken for a person of 1.41 m. The
+# smallest is for the opposite error. From 0.8, 1 and 1.3 times the graph's stature, the adjustment of `crowd_01` came
+# to within 2.5 % of one another.
+_OTHER_SIZES = (0.8, 1.17, 1.35)
 # Thickness of clothes that are tried, too (m). Another size must be clearly better, because a larger body also explains
 # thick clothes: a real child costs 62 with the size that is right and 159 with the graph's,
 # an adult in wide trousers 110 with both.
@@ -39,6 +41,11 @@ _THICK, _CLEARLY = 0.03, 0.75
 _HIDES_A_BAG = 0.03
 # Clothes from this thickness on (m) may be hair that chest and arms explain. Hair alone is explained by the head.
 _HIDES_HAIR = 0.02
+
+
+def other_sizes(stature: float) -> tuple[float, ...]:
+    """Sizes to try besides a stature (m) that is only a guess, as shares of it: those that a person can have."""
+    return tuple(size for size in _OTHER_SIZES if STATURES[0] < size * stature < STATURES[1])
 
 
 def find_subject(
