@@ -116,7 +116,7 @@ def test_left_and_right_are_told_apart(scene, poses):
 def test_joints_far_from_the_truth_are_trusted_less(longer):
     poses = reconstruct(longer, paper_settings())  # it mistakes a raised hand for the head
     far = distances_mm(poses.joints, longer.truth.joints) > 100
-    assert far.sum() > 10
+    assert far.sum() > 5
     assert poses.confidence[far].mean() < poses.confidence[~far].mean() - 0.2
     assert ((poses.confidence >= 0) & (poses.confidence <= 1)).all()
 
