@@ -7,7 +7,7 @@ import numpy as np
 from ..body import SEGMENT_NAMES, Pose
 from ..refinement.terms import Observed
 from ._fit import fit_ahead
-from ._limb_proposals import with_pairs, with_single
+from ._limb_proposals import BOTH, with_limbs
 from ._model import Model
 from ._search import ARMS, Search, limbs_at_once
 
@@ -18,11 +18,11 @@ def fits_ahead(threads: Executor, model: Model, stack: Observed) -> None:
 
 
 def limbs_ahead(threads: Executor, model: Model, search: Search, stack: Observed) -> None:
-    """Begin to compile the proposals of limbs of `solve_frames`, in the order in which it asks for them."""
+    """Begin to compile the proposals of limbs of `solve_frames`: one program, unless pairs and singles differ."""
     size = limbs_at_once(stack)
     poses, frames = any_poses(size), np.zeros(size, np.int32)
-    with_pairs.ahead(threads, model, poses, frames, stack, ARMS, search.pairs)
-    with_single.ahead(threads, model, poses, frames, stack, model.limbs[ARMS[0]], search.singles)
+    for count in dict.fromkeys((search.pairs, search.singles)):
+        with_limbs.ahead(threads, model, poses, frames, stack, ARMS, BOTH, count)
 
 
 def any_poses(count: int) -> Pose:

@@ -8,25 +8,47 @@ from jaxtyping import Array, Int
 from .._runtime.compile_cache import cached_jit
 from ..body import Pose
 from ..refinement.terms import Observed
-from ._limb_search import Limb, Scored, best_pairs, best_single, score_limb, unexplained, with_limb, without
+from ._limb_search import Scored, best_pairs, none_scored, score_limb, unexplained, with_limb, without
 from ._model import Model
 
 # The limb search uses one in this many rays, to save time.
 _SOME = 2
+BOTH = np.array([0, 1], np.int32)
+"""Replace both limbs of a pair; the same number twice replaces only that one."""
 
 
 @cached_jit
-def with_pairs(
+def with_limbs(
     model: Model,
     poses: Pose,
     frames: Int[Array | np.ndarray, " n"],
     stack: Observed,
     names: tuple[str, str],
+    which: Int[Array | np.ndarray, "2"],
     count: int,
 ) -> Pose:
-    """Replace two limbs of each pose by their cheapest pairs of table poses (axes ``n count``)."""
-    limbs = tuple(model.limbs[name] for name in names)
-    both, rest = jax.tree.map(lambda *each: jnp.stack(each), *limbs), without(*names)
+    """Replace one or two limbs of each pose by their cheapest table poses (axes ``n count``).
+
+    One program serves both, because it takes seconds to compile.
+
+    Args:
+        model: The body and its tables.
+        poses: Poses of which other limbs are replaced.
+        frames: The frame of each pose in the stack.
+        stack: What the frames show.
+        names: A left and a right limb.
+        which: `BOTH`, or twice the number of a limb.
+        count: Number of proposals for each pose.
+    """
+    which = jnp.asarray(which)
+    alone = which[0] == which[1]
+    limbs = jax.tree.map(lambda *each: jnp.stack(each)[which], *(model.limbs[name] for name in names))
+    first, second = (jax.tree.map(lambda a, i=i: a[i], limbs) for i in (0, 1))
+    others = [without(*names), *(without(name) for name in names)]
+    longest = max(map(len, others))
+    # A capsule given twice changes nothing.
+    padded = np.stack([np.pad(some, (0, longest - len(some)), mode="edge") for some in others])
+    rest = jnp.asarray(padded)[jnp.where(alone, 1 + which[0], 0)]
     objective = model.objective.of_body(model.body)
 
     def one(pose: Pose, frame: Int[Array, ""]) -> Pose:
@@ -34,28 +56,15 @@ def with_pairs(
         points, costs = unexplained(model.body, pose, objective, some, rest)
 
         # A loop over the limbs: they are compiled once.
-        def scored(limb: Limb) -> Scored:
-            return score_limb(model.body, pose, objective, some, limb, points, costs)
+        def scored(number: Int[Array, ""], scores: Scored) -> Scored:
+            limb = jax.tree.map(lambda a: a[number], limbs)
+            score = score_limb(model.body, pose, objective, some, limb, points, costs)
+            return jax.tree.map(lambda all_scores, own: all_scores.at[number].set(own), scores, score)
 
-        scores = jax.lax.map(scored, both)
-        left, right = (jax.tree.map(lambda a, i=i: a[i], scores) for i in (0, 1))
-        first, second = best_pairs(left, right, count)
-        return jax.vmap(lambda i, j: with_limb(with_limb(pose, limbs[0], i), limbs[1], j))(first, second)
-
-    return jax.vmap(one)(poses, jnp.asarray(frames))
-
-
-@cached_jit
-def with_single(
-    model: Model, poses: Pose, frames: Int[Array | np.ndarray, " n"], stack: Observed, limb: Limb, count: int
-) -> Pose:
-    """Replace one limb of each pose by its cheapest table poses (axes ``n count``)."""
-    objective = model.objective.of_body(model.body)
-
-    def one(pose: Pose, frame: Int[Array, ""]) -> Pose:
-        some = stack.of(frame).thinned(_SOME)
-        points, costs = unexplained(model.body, pose, objective, some, limb.others)
-        scored = score_limb(model.body, pose, objective, some, limb, points, costs)
-        return jax.vmap(lambda index: with_limb(pose, limb, index))(best_single(scored, count))
+        none = jax.tree.map(lambda a: jnp.stack([a, a]), none_scored(costs))
+        scores = jax.lax.fori_loop(0, jnp.where(alone, 1, 2), scored, none)
+        rows, other_rows = best_pairs(*(jax.tree.map(lambda a, i=i: a[i], scores) for i in (0, 1)), count)
+        other_rows = jnp.where(alone, rows, other_rows)
+        return jax.vmap(lambda i, j: with_limb(with_limb(pose, first, i), second, j))(rows, other_rows)
 
     return jax.vmap(one)(poses, jnp.asarray(frames))

@@ -49,7 +49,6 @@ class Limb(eqx.Module):
         kind: ``arm`` or ``leg``.
         segments: Chest or pelvis, upper bone, lower bone, hand or foot.
         balls: From shoulder or hip to palm or ball of the foot.
-        others: Capsules of the rest of the body.
         costs: Cost of each pose of the table, whatever the frame shows.
     """
 
@@ -57,7 +56,6 @@ class Limb(eqx.Module):
     table: LimbTable
     segments: Int[Array | np.ndarray, "parts=4"]
     balls: Int[Array | np.ndarray, "points=5"]
-    others: Int[Array | np.ndarray, " capsules"]
     costs: Float[Array | np.ndarray, " poses"]
 
 
@@ -95,7 +93,7 @@ def make_limb(skeleton: Skeleton, name: str, objective: Objective) -> Limb:
     segments = [SEGMENT_NAMES.index(segment) for segment in (first, *(side + part for part in rest))]
     balls = [BALL_NAMES.index(side + ball) for ball in _BALLS[kind]]
     costs = _posture_costs(objective, kind, table, 1.0 if side == "l_" else -1.0)
-    return Limb(kind, table, np.array(segments, np.int32), np.array(balls, np.int32), without(name), costs)
+    return Limb(kind, table, np.array(segments, np.int32), np.array(balls, np.int32), costs)
 
 
 def _posture_costs(objective: Objective, kind: str, table: LimbTable, side: float) -> Float[np.ndarray, " poses"]:
@@ -199,15 +197,15 @@ def best_pairs(left: Scored, right: Scored, count: int) -> tuple[Int[Array, " co
     return jax.lax.scan(pick, total, None, length=count)[1]
 
 
-def best_single(scored: Scored, count: int) -> Int[Array, " count"]:
-    """The cheapest poses of one limb that differ from each other, as rows of the table."""
-    near = _near(scored)
-
-    def pick(total: Array, _: None) -> tuple[Array, Array]:
-        first = jnp.argmin(total)
-        return jnp.where(near[first], jnp.inf, total), scored.index[first]
-
-    return jax.lax.scan(pick, scored.cost + scored.left.sum(1), None, length=count)[1]
+def none_scored(costs: Float[Array, " rays"]) -> Scored:
+    """Scores of a limb that stays as it is: its first row costs nothing and explains no ray, others are out."""
+    free = jnp.arange(_BEST, dtype=jnp.int32) == 0
+    return Scored(
+        jnp.zeros(_BEST, jnp.int32),
+        jnp.where(free, 0.0, jnp.inf).astype(costs.dtype),
+        jnp.broadcast_to(costs, (_BEST, len(costs))),
+        jnp.zeros((_BEST, 2, 3), costs.dtype),
+    )
 
 
 def with_limb(pose: Pose, limb: Limb, index: Int[Array, ""]) -> Pose:

@@ -19,7 +19,7 @@ from ..refinement.terms import GivenObjective, Observed, check_given, search_obj
 from ._facing import both_ways, turned_starts
 from ._fit import fit_scales, fitting, in_chunks
 from ._hypotheses import Hypotheses, Pool, pool_of, select_distinct
-from ._limb_proposals import with_pairs, with_single
+from ._limb_proposals import BOTH, with_limbs
 from ._limb_search import scores_limbs
 from ._model import Model
 from ._start_poses import other_ways
@@ -227,8 +227,8 @@ def _searched(model: Model, search: Search, starts: Pool, stack: Observed, wide:
         other = yield from _fitted(model, search, proposed, stack, (search.singles + 1) // 2, best)
         return found.joined(other).distinct(search.most)
 
-    def single(limb: str, poses: Pose, at: Int[np.ndarray, " n"]) -> Pose:
-        return with_single(model, poses, at, stack, model.limbs[limb], search.singles)
+    def single(number: int, poses: Pose, at: Int[np.ndarray, " n"]) -> Pose:
+        return with_limbs(model, poses, at, stack, ARMS, np.full(2, number, np.int32), search.singles)
 
     def settled(found: Pool) -> Steps[Pool]:
         """Fit the best pose of each frame further."""
@@ -246,8 +246,8 @@ def _searched(model: Model, search: Search, starts: Pool, stack: Observed, wide:
         if turn == 1:
             doubtful = every[before > search.doubtful_cost]
             found = yield from again(found, doubtful, _pairs_of(_LEGS, model, search, stack))
-        for limb in ARMS:
-            found = yield from again(found, frames, partial(single, limb))
+        for number in range(len(ARMS)):
+            found = yield from again(found, frames, partial(single, number))
         frames = every[found.cheapest(1).cost < before - _GAIN]
     return (yield from settled(found)).joined(done)
 
@@ -296,4 +296,4 @@ def limbs_at_once(stack: Observed) -> int:
 
 
 def _pairs_of(limbs: tuple[str, str], model: Model, search: Search, stack: Observed) -> _Propose:
-    return lambda poses, at: with_pairs(model, poses, at, stack, limbs, search.pairs)
+    return lambda poses, at: with_limbs(model, poses, at, stack, limbs, BOTH, search.pairs)

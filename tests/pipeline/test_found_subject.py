@@ -75,12 +75,12 @@ def test_what_is_compiled_ahead_is_all_that_takes_long(monkeypatch, known):
     monkeypatch.setattr("jaxskel.pipeline._ahead.usable_cores", lambda: 2)
     recording, settings = film(BODY), Settings(hull=HullSettings(max_misses=0), body=BODY if known else None)
     reconstruct_batch(recording, prepare(recording, settings), settings)
-    long = {"_fitted", "with_pairs", "with_single", "_refined", "unexplained_shares"}
+    long = {"_fitted", "with_limbs", "_refined", "unexplained_shares"}
     long |= set() if known else {"linearised", "_turned", "_carried"}
     assert {name for name, _ in begun} == long
     assert begun <= called
     # Legs are searched for in doubtful frames only.
-    assert {name for name, _ in called - begun} & long <= {"with_pairs"}
+    assert {name for name, _ in called - begun} & long <= {"with_limbs"}
 
 
 def test_left_mirrors_right(stout_and_found):

@@ -27,7 +27,7 @@ from jaxskel.search import (
 )
 from jaxskel.search._gauss_newton import descend
 from jaxskel.search._limb_search import with_limb
-from jaxskel.search._search import with_pairs, with_single
+from jaxskel.search._search import ARMS, BOTH, with_limbs
 from jaxskel.synthetic import demo_motion
 
 THIN = eqx.tree_at(lambda b: b.radii, BODY, 0.85 * BODY.radii)
@@ -143,8 +143,8 @@ def test_limbs_that_are_freed_are_found_again(filmed, names):
     wrong = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), filmed.truth)
     for name in names:
         wrong = jax.vmap(lambda pose, limb=model.limbs[name]: with_limb(pose, limb, jnp.asarray(0)))(wrong)
-    given = model, wrong, jnp.arange(8), on_device(filmed.observed)
-    found = with_pairs(*given, names, 4) if len(names) == 2 else with_single(*given, model.limbs[names[0]], 4)
+    pair, which = (names, BOTH) if len(names) == 2 else (ARMS, np.full(2, ARMS.index(names[0]), np.int32))
+    found = with_limbs(model, wrong, jnp.arange(8), on_device(filmed.observed), pair, which, 4)
     ends = {"arm": ("elbow", "hand"), "leg": ("knee", "foot")}
     at = [JOINT_NAMES.index(f"{name[:2]}{end}") for name in names for end in ends[name[2:]]]
     off = [farthest(joints_of(some(found, np.s_[:, i]))[:, at], filmed.joints[:, at]) for i in range(4)]
