@@ -16,7 +16,7 @@ from pathlib import Path
 from accuracy import score_against_truth
 
 from jaxskel import GraphSettings, Settings, join_poses, paper_settings, prepare, read_recording, reconstruct_batches
-from jaxskel.graph import HeadBall, HighestVoxel
+from jaxskel.graph import GeodesicShells, HeadBall, HighestVoxel, ThinnestPaths, VoxelScooping
 from jaxskel.matching import HANDLESS_DESCRIPTOR, PAPER_DESCRIPTOR
 from jaxskel.poses.metrics import join_scores
 
@@ -29,6 +29,10 @@ def changes() -> dict[str, list[tuple[str, Settings]]]:
         "min_branch": [
             (f"{length:.2f} m", replace(graph, graph=replace(graph.graph, min_branch=length)))
             for length in (0.12, 0.16, 0.20, 0.24, 0.28, 0.32, 0.40)
+        ],
+        "skeletoniser": [
+            (type(one).__name__, replace(graph, graph=replace(graph.graph, skeletoniser=one)))
+            for one in (GeodesicShells(), VoxelScooping(), ThinnestPaths())
         ],
         "root_finder": [
             (type(finder).__name__, replace(graph, graph=replace(graph.graph, root_finder=finder)))

@@ -14,6 +14,7 @@ from ._root_finders import HeadBall as HeadBall
 from ._root_finders import HighestVoxel as HighestVoxel
 from ._root_finders import RootFinder as RootFinder
 from ._scoop import scoop as scoop
+from ._shells import shells as shells
 from ._skeletal_graph import MAX_ENDS as MAX_ENDS
 from ._skeletal_graph import SkeletalGraph as SkeletalGraph
 from ._skeletal_graph import prune as prune

@@ -1,6 +1,6 @@
 """Root finders: the graph starts at the highest voxel, as in the paper (Sect. 3.1), or at the top of the head.
 
-A root finder is an object with ``roots(hulls, skeleton)``; [`scoop`][jaxskel.graph.scoop] takes its result.
+A root finder is an object with ``roots(hulls, skeleton)``; skeletonisers take its result.
 """
 
 from typing import Protocol, runtime_checkable

@@ -56,12 +56,14 @@ class GraphSettings(eqx.Module):
     """How the skeletal graph is extracted from the hull (Sect. 3.1).
 
     Attributes:
-        skeletoniser: Extracts the curve skeleton: by voxel scooping, as in the paper, or by `ThinnestPaths`.
+        skeletoniser: Extracts the curve skeleton. On the twenty test sequences, the labelled graph alone gets 18.2 % of
+            the hands and 0.1 % of the feet wrong with `GeodesicShells`, 22.7 and 0.4 % with the paper's
+            `VoxelScooping`, and 16.5 and 0.5 % with `ThinnestPaths`, which take 25 times as long: see
+            `benchmarks/defaults.py`.
         root_finder: Finds where the graph starts: at the sphere of the head, or, as in the paper, at the
             `HighestVoxel`.
-        min_branch: Branches of the graph shorter than this are pruned (m). With 0.20, 0.24 and 0.28 m, the labelled
-            graph alone gets 25.1, 22.9 and 25.0 % of the hands wrong on the twenty test sequences: see
-            `benchmarks/defaults.py`.
+        min_branch: Branches of the graph shorter than this are pruned (m). With 0.16, 0.20 and 0.24 m, 18.8, 18.2 and
+            21.8 % of the hands are wrong there.
     """
 
     skeletoniser: Skeletoniser = GeodesicShells()
@@ -81,8 +83,8 @@ class MatchingSettings(eqx.Module):
     Attributes:
         matcher: Assigns end nodes to limbs: by DTW, as in the paper, or by an `ExactMatcher`.
         descriptor: Labels whose geodesic distances describe neck and pelvis (Eq. 5). Without hands, and with them as in
-            the paper, the labelled graph alone has a median error of 44 and 56 mm on three test sequences, and 31.9 %
-            of the hands wrong in both cases: see `benchmarks/defaults.py`.
+            the paper, the labelled graph alone has a median error of 32 and 48 mm on the twenty test sequences, and
+            19.4 and 18.2 % of the hands wrong: see `benchmarks/defaults.py`.
     """
 
     matcher: Matcher = DtwMatcher()
@@ -200,9 +202,10 @@ def weight_of_priors(settings: Settings, clothes: float) -> float:
 def paper_settings(template: Skeleton | None = None) -> Settings:
     """The paper's method as published, for its human template or another one.
 
-    The head is the highest voxel, Eq. 5 describes inner nodes by all end nodes, every view carves, and the pose of the
-    labelled graph is refined against the graph with fixed bone lengths. Correspondences are looked up often: that
-    lowers the error more than the last percent of the cost does.
+    The graph is made of shells of equal distance instead of by voxel scooping: `VoxelScooping` takes twice as long for
+    one frame, and gets more hands wrong. The head is the highest voxel, Eq. 5 describes inner nodes by all end nodes,
+    every view carves, and the pose of the labelled graph is refined against the graph with fixed bone lengths.
+    Correspondences are looked up often: that lowers the error more than the last percent of the cost does.
 
     Limbs of another template may be shorter, and more of them equally long: shorter branches are kept, and the matcher
     is the exact one. Of three times 50 random poses, 99.9 % of a quadruped's end nodes and 97.9 % of a hand's get the
