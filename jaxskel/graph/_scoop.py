@@ -70,7 +70,9 @@ def _scoop(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[Skelet
         while len(front):
             front, owners = wave.seen(front, owners)
             near = _squares(cells.middles(front) - made.take(owners, 0)) < squared_radius.take(owners)
-            fronts.append(front), whose.append(owners), nearby.append(near)
+            fronts.append(front)
+            whose.append(owners)
+            nearby.append(near)
             grown = near.nonzero()[0]
             front, owners = front.take(grown), owners.take(grown)
             wave.mark_visited(front)

@@ -63,7 +63,8 @@ def with_limbs(
 
         none = jax.tree.map(lambda a: jnp.stack([a, a]), none_scored(costs))
         scores = jax.lax.fori_loop(0, jnp.where(alone, 1, 2), scored, none)
-        rows, other_rows = best_pairs(*(jax.tree.map(lambda a, i=i: a[i], scores) for i in (0, 1)), count)
+        left, right = (jax.tree.map(lambda a, i=i: a[i], scores) for i in (0, 1))
+        rows, other_rows = best_pairs(left, right, count)
         other_rows = jnp.where(alone, rows, other_rows)
         return jax.vmap(lambda i, j: with_limb(with_limb(pose, first, i), second, j))(rows, other_rows)
 
