@@ -1,10 +1,10 @@
-"""Trees of a batch, padded side by side: one pass over the node indices measures all of them.
+"""Trees of a batch, padded side by side and measured together.
 
-Every function here is a recursion from parents to children or back. Node by node, it takes as many calls for all trees
-as for the largest one.
+Every function here is a recursion from parents to children or back. Each round looks twice as far up as the one before,
+so a tree of a hundred levels takes seven rounds.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol, runtime_checkable
@@ -54,12 +54,25 @@ class Forest:
         return np.where(self.real, np.linalg.norm(self.positions - starts, axis=-1), 0.0)
 
     @cached_property
+    def _parents_among_all(self) -> Int[np.ndarray, " all"]:
+        """Parent of each node among those of all trees; a root is its own."""
+        trees, nodes = self.parents.shape
+        return (self.parents + nodes * np.arange(trees)[:, None]).reshape(-1)
+
+    @cached_property
     def depths(self) -> Float[np.ndarray, "trees nodes"]:
         """Geodesic distance of each node from the root (m)."""
-        rows, depth = np.arange(len(self.parents)), self.edge_lengths.copy()
-        for node in range(1, depth.shape[1]):
-            depth[:, node] += depth[rows, self.parents[:, node]]
-        return depth
+        depth = self.edge_lengths.reshape(-1).copy()
+        for above in _farther_up(self._parents_among_all):
+            depth += depth.take(above)
+        return depth.reshape(self.parents.shape)
+
+    def _with_ancestors(self, nodes: Int[np.ndarray, " some"]) -> Int[np.ndarray, "levels some"]:
+        """Some nodes, counted among those of all trees, and all their ancestors; the root may come several times."""
+        found = nodes[None]
+        for above in _farther_up(self._parents_among_all):
+            found = np.concatenate([found, above.take(found)])
+        return found
 
     @property
     def leaves(self) -> Bool[np.ndarray, "trees nodes"]:
@@ -86,19 +99,20 @@ class Forest:
     def geodesics(self, sources: Int[np.ndarray, "trees sources"]) -> Float[np.ndarray, "trees nodes sources"]:
         """Length of the path between every node and some source nodes (m): gd(v, omega) of Eq. 1 and Eq. 5.
 
-        In a tree, Dijkstra's algorithm reduces to one pass up and one pass down.
+        A path goes up to the last common ancestor of the two, and down again.
         """
-        rows, lengths = np.arange(len(self.parents)), self.edge_lengths
-        nodes = lengths.shape[1]
-        below = np.arange(nodes)[:, None] == sources[:, None]  # does the subtree of a node hold the source?
-        for node in range(nodes - 1, 0, -1):
-            below[rows, self.parents[:, node]] |= below[:, node]
-        step = np.where(below, -lengths[..., None], lengths[..., None])
-        distance = np.empty(below.shape)
-        distance[:, 0] = np.take_along_axis(self.depths, sources, 1)
-        for node in range(1, nodes):
-            distance[:, node] = distance[rows, self.parents[:, node]] + step[:, node]
-        return np.abs(distance)  # rounding leaves -1e-17 at the source itself
+        (trees, nodes), count = self.parents.shape, sources.shape[1]
+        tree = np.arange(trees)[:, None]
+        # A copy of the tree for each source, in which the source's ancestors are roots.
+        copy = nodes * (count * tree + np.arange(count))
+        on_path = self._with_ancestors((sources + nodes * tree).reshape(-1)) + (copy - nodes * tree).reshape(-1)
+        common = (self.parents[:, None] + copy[..., None]).reshape(-1)
+        common[on_path] = on_path
+        *_, common = _farther_up(common)
+        own = self.depths[:, None]
+        common = common.reshape(trees, count, nodes) - copy[..., None]
+        shared = np.take_along_axis(own, common, 2)
+        return np.abs(own + np.take_along_axis(own, sources[..., None], 2) - 2 * shared).swapaxes(1, 2)
 
     def unpruned(self, min_length: float) -> Bool[np.ndarray, "trees nodes"]:
         """Mask of the nodes that remain when short branches are removed.
@@ -106,31 +120,35 @@ class Forest:
         At every branching node the deepest branch stays. Another branch is removed with its whole subtree if it reaches
         less than `min_length` (m) beyond the branching node.
         """
-        lengths = self.edge_lengths
-        # Transposed, because all trees advance together node by node.
-        up = (self.parents * len(lengths) + np.arange(len(lengths))[:, None]).T.copy()
-        edges = lengths.T.copy()
-        below = np.zeros_like(edges)  # how far the subtree below a node reaches
-        flat = below.reshape(-1)
-        for node in range(len(up) - 1, 0, -1):
-            parent = up[node]
-            flat[parent] = np.maximum(flat.take(parent), below[node] + edges[node])
-        reach = below.T
-        through = reach + lengths
+        depths, parents = self.depths.reshape(-1), self._parents_among_all
+        # How far the farthest leaf below each node is from the root: nearer leaves write first, the last write wins.
+        leaves = self.leaves.reshape(-1).nonzero()[0]
+        leaves = leaves.take(depths.take(leaves).argsort(kind="stable"))
+        farthest = depths.copy()
+        farthest[np.ascontiguousarray(self._with_ancestors(leaves).T)] = depths.take(leaves)[:, None]
         # The deepest child continues the branch, the first one in case of a tie; the root is nobody's child.
-        trees, farthest = np.nonzero(self.real & (through == np.take_along_axis(reach, self.parents, 1)))
-        trees, farthest = trees[farthest > 0], farthest[farthest > 0]
-        deepest = np.zeros_like(self.parents)
-        deepest[trees[::-1], self.parents[trees, farthest][::-1]] = farthest[::-1]  # the last write wins
-        goes_on = np.take_along_axis(deepest, self.parents, 1) == np.arange(lengths.shape[1])
+        children = (self.real.reshape(-1) & (parents != np.arange(len(parents)))).nonzero()[0]
+        children = children.compress(farthest.take(children) == farthest.take(parents.take(children)))
+        deepest = np.full(len(parents), -1)
+        deepest[parents.take(children[::-1])] = children[::-1]
+        goes_on = (deepest.take(parents) == np.arange(len(parents))).reshape(self.parents.shape)
+        through = (farthest - depths.take(parents)).reshape(self.parents.shape)
         kept = goes_on | (through >= min_length)
         kept[:, 0] = True
-        # A node stays only if all its ancestors stay: each round looks twice as far up as the one before.
-        above = self.parents
-        while above.any():
-            kept &= np.take_along_axis(kept, above, 1)
-            above = np.take_along_axis(above, above, 1)
+        flat = kept.reshape(-1)
+        for above in _farther_up(parents):  # a node stays only if all its ancestors stay
+            flat &= flat.take(above)
         return kept & self.real
+
+
+def _farther_up(above: Int[np.ndarray, " nodes"]) -> Iterator[Int[np.ndarray, " nodes"]]:
+    """The ancestor of each node 1, 2, 4, ... levels up, until it is the root's."""
+    while True:
+        yield above
+        farther = above.take(above)
+        if (farther == above).all():
+            return
+        above = farther
 
 
 def forest_of(trees: Sequence[Tree]) -> Forest:

@@ -6,10 +6,11 @@ import json
 import numpy as np
 import pytest
 
-from jaxskel import HullSettings, RefinementSettings, Settings, paper_settings
+from jaxskel import GraphSettings, HullSettings, RefinementSettings, Settings, paper_settings
 from jaxskel._runtime.code_digest import digest_of_sources
 from jaxskel.batch import Method
 from jaxskel.batch import _older_manifests as older
+from jaxskel.graph import VoxelScooping
 from jaxskel.refinement.terms import volume_objective
 from jaxskel.search import Search, Tracking
 
@@ -41,11 +42,12 @@ FLAT = {
 
 
 def test_flat_settings_are_those_of_today():
-    # That version looked correspondences up twice, a turn had no margin of its own, its search no prior of arms, no
-    # rival that faces the other way, and went on in all frames.
+    # That version scooped voxels, looked correspondences up twice, a turn had no margin of its own, its search no prior
+    # of arms, no rival that faces the other way, and went on in all frames.
     tracking, refinement = Tracking(turn_margin=2.0), RefinementSettings(rounds=2)
     search = Search(objective=volume_objective, vague=np.inf, enough=0.0)
-    settings = Settings(hull=HullSettings(spacing=0.02), search=search, tracking=tracking, refinement=refinement)
+    graph = GraphSettings(skeletoniser=VoxelScooping(), min_branch=0.24)
+    settings = Settings(HullSettings(spacing=0.02), graph, search=search, tracking=tracking, refinement=refinement)
     today = Method(settings).described
     assert older.modern_method({"settings": FLAT, "smooth_hz": None}) == today
     assert older.modern_method({"settings": FLAT | {"spacing": 0.015}, "smooth_hz": None}) != today

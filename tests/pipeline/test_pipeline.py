@@ -26,7 +26,7 @@ from jaxskel import (
 from jaxskel.body import JOINT_OF_PIVOT, MIRROR_JOINTS, TIP_PARENTS, place_joints
 from jaxskel.matching import DtwMatcher, ExactMatcher
 from jaxskel.poses import score
-from jaxskel.synthetic import make_scene
+from jaxskel.synthetic import camera_ring, make_scene
 
 GRAPH = graph_settings()
 
@@ -113,11 +113,12 @@ def test_left_and_right_are_told_apart(scene, poses):
     assert ((poses.side_confidence >= 0.5) & (poses.side_confidence <= 1)).all()
 
 
-def test_joints_far_from_the_truth_are_trusted_less(longer):
-    poses = reconstruct(longer, paper_settings())  # it mistakes a raised hand for the head
-    far = distances_mm(poses.joints, longer.truth.joints) > 100
-    assert far.sum() > 5
-    assert poses.confidence[far].mean() < poses.confidence[~far].mean() - 0.2
+def test_joints_far_from_the_truth_are_trusted_less():
+    seen_by_few = make_scene(24, fps=2.0, cameras=camera_ring(3))
+    poses = reconstruct(seen_by_few, paper_settings())  # it mistakes a raised hand for the head
+    off = distances_mm(poses.joints, seen_by_few.truth.joints)  # NaN where there is no pose
+    assert (off > 100).sum() > 20
+    assert poses.confidence[off > 100].mean() < poses.confidence[off <= 100].mean() - 0.2
     assert ((poses.confidence >= 0) & (poses.confidence <= 1)).all()
 
 
