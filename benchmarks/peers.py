@@ -100,7 +100,7 @@ class Bench:
         one = VisualHulls(self.hulls.voxels[own], np.ones((1, len(own)), bool), self.hulls.grid)
         root = np.searchsorted(own, self.roots[:1])
         contenders = [Contender("jaxskel", lambda: skeletal_graphs(one, root), 1)]
-        self._peer(contenders, "skimage skeletonize", lambda: skimage_thinning(one), 1, 2)
+        self._peer(contenders, "skimage skeletonize", lambda: skimage_thinning(one), 1, 3)
         self.report.race("graph, one frame", contenders, self.repeat)
 
     def dtw(self) -> None:

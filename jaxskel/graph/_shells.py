@@ -32,15 +32,7 @@ def shells(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[Skelet
     far the last shell goes, and into how many components it splits, is arbitrary. Nodes are numbered by frame,
     distance, then first cell, so the same voxels always give the same graph.
 
-    Args:
-        hulls: Occupied voxels of some frames.
-        roots: For each frame, the index into ``hulls.voxels`` of the root (the head).
-
-    Returns:
-        One graph per frame, in the hulls' world (m). Voxels that are not connected to the root are ignored.
-
-    Raises:
-        ValueError: A hull is empty.
+    Arguments, result (m, in the hulls' world) and errors are those of [`scoop`][jaxskel.graph.scoop].
     """
     return in_parts(_shells, hulls, roots, _MOST)
 

@@ -8,6 +8,7 @@ from support.voxel_bodies import (
     SHAPE,
     SPACING,
     bar,
+    crumbled,
     drawn,
     skeletons,
     voxels_from_root,
@@ -72,9 +73,7 @@ def test_an_end_is_found_wherever_clusters_happen_to_end(radius, shift):
 def test_the_rule_cell_by_cell(at_once, monkeypatch):
     # Random voxels in which clusters often meet, so that the order of the clusters decides.
     monkeypatch.setattr(_wave, "_AT_ONCE", at_once)
-    rng = np.random.default_rng(5)
-    occupancies = [np.pad(rng.random((17, 16, 19)) < density, 2) for density in (0.15, 0.25, 0.3, 0.4, 0.6, 0.9)]
-    roots = [tuple(np.argwhere(occupancy)[-1].tolist()) for occupancy in occupancies]
+    occupancies, roots = crumbled()
     contested = 0
     for graph, occupancy, root in zip(skeletons(occupancies, roots), occupancies, roots, strict=True):
         positions, parents, meetings = scooped_one_by_one(occupancy, root)

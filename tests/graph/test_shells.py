@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from support.reference_shells import shells_one_by_one
-from support.voxel_bodies import ROOT, SPACING, bar, drawn, skeletons, voxels_from_root
+from support.voxel_bodies import ROOT, SPACING, bar, crumbled, drawn, skeletons, voxels_from_root
 
 from jaxskel.graph import GeodesicShells, _wavefront
 from jaxskel.graph._skeletal_graph import SkeletalGraph
@@ -45,9 +45,7 @@ def test_where_two_ways_meet_the_thicker_one_goes_on():
 @pytest.mark.parametrize("at_once", [3, 2048])
 def test_the_rule_cell_by_cell(at_once, monkeypatch):
     monkeypatch.setattr(_wavefront, "_AT_ONCE", at_once)
-    rng = np.random.default_rng(5)
-    occupancies = [np.pad(rng.random((17, 16, 19)) < density, 2) for density in (0.15, 0.25, 0.3, 0.4, 0.6, 0.9)]
-    roots = [tuple(np.argwhere(occupancy)[-1].tolist()) for occupancy in occupancies]
+    occupancies, roots = crumbled()
     for graph, occupancy, root in zip(shells_of(occupancies, roots), occupancies, roots, strict=True):
         positions, parents = shells_one_by_one(occupancy, root)
         np.testing.assert_array_equal(graph.parents, parents)

@@ -16,6 +16,16 @@ def touch(some, others) -> bool:
     return bool((np.abs(some[:, None] - others).max(-1) <= 1).any())
 
 
+def neighbours(voxels) -> dict[tuple, list[tuple]]:
+    """The cells that each cell touches, in the order of directions."""
+    ways = [np.subtract(way, 1) for way in np.ndindex(3, 3, 3) if way != (1, 1, 1)]
+    around = {cell: [tuple((cell + way).tolist()) for way in ways] for cell in voxels}
+    return {
+        cell: [other for other in around[cell] if other in voxels and touch(voxels[cell], voxels[other])]
+        for cell in voxels
+    }
+
+
 def connected_parts(cells, beside):
     """Connected components of some cells: members in the order of the cells, components by their first cell."""
     left, parts = dict.fromkeys(cells), []
@@ -34,12 +44,7 @@ def connected_parts(cells, beside):
 def scooped_one_by_one(occupancy, root):
     """The rule cell by cell, in voxels: positions and parents."""
     voxels = cells_in(occupancy)
-    ways = [np.subtract(way, 1) for way in np.ndindex(3, 3, 3) if way != (1, 1, 1)]
-    around = {cell: [tuple((cell + way).tolist()) for way in ways] for cell in voxels}
-    beside = {
-        cell: [other for other in around[cell] if other in voxels and touch(voxels[cell], voxels[other])]
-        for cell in voxels
-    }
+    beside = neighbours(voxels)
     free = set(voxels) - {tuple(np.array(root) // 2)}
     nodes, parents, extents, contested = [np.array(root, float)], [-1], [np.sqrt(3)], 0
     cluster = {}

@@ -4,18 +4,13 @@ from collections import Counter
 
 import numpy as np
 
-from support.reference_scooping import cells_in, connected_parts, touch
+from support.reference_scooping import cells_in, connected_parts, neighbours
 
 
 def shells_one_by_one(occupancy, root):
     """The rule cell by cell, in voxels: positions and parents, before end nodes move."""
     voxels = cells_in(occupancy)
-    ways = [np.subtract(way, 1) for way in np.ndindex(3, 3, 3) if way != (1, 1, 1)]
-    around = {cell: [tuple((cell + way).tolist()) for way in ways] for cell in voxels}
-    beside = {
-        cell: [other for other in around[cell] if other in voxels and touch(voxels[cell], voxels[other])]
-        for cell in voxels
-    }
+    beside = neighbours(voxels)
     first = tuple((np.array(root) // 2).tolist())
     before, levels, queue = {first: first}, {first: 0}, [first]
     for cell in queue:

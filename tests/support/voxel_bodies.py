@@ -28,6 +28,14 @@ def drawn(*parts: np.ndarray) -> np.ndarray:
     return occupancy
 
 
+def crumbled() -> tuple[list[np.ndarray], list[tuple[int, int, int]]]:
+    """Random voxels of several densities, and a root in each."""
+    rng = np.random.default_rng(5)
+    occupancies = [np.pad(rng.random((17, 16, 19)) < density, 2) for density in (0.15, 0.25, 0.3, 0.4, 0.6, 0.9)]
+    x, y, z = np.transpose([np.argwhere(occupancy)[-1] for occupancy in occupancies]).tolist()
+    return occupancies, list(zip(x, y, z, strict=True))
+
+
 def skeletons(
     occupancies, roots=None, spacing=SPACING, origin=(0.0, 0.0, 0.0), skeletoniser: Skeletoniser | None = None
 ) -> list[SkeletalGraph]:
