@@ -19,6 +19,7 @@ from ._limbs import HEAD as HEAD
 from ._limbs import L_FOOT as L_FOOT
 from ._limbs import L_HAND as L_HAND
 from ._limbs import PAPER_DESCRIPTOR as PAPER_DESCRIPTOR
+from ._limbs import PATH_POINTS as PATH_POINTS
 from ._limbs import R_FOOT as R_FOOT
 from ._limbs import R_HAND as R_HAND
 from ._limbs import Limbs as Limbs

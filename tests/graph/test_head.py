@@ -206,7 +206,7 @@ def test_raised_hands_and_a_crouch_from_silhouettes():
         return np.linalg.norm(joints[:, 2] - scene.truth.joints[:, 2], axis=-1)
 
     assert head_errors(HeadBall()).max() < 0.1
-    assert (head_errors(HighestVoxel())[above] > 0.1).any()
+    assert not (head_errors(HighestVoxel())[above] < 0.1).all()  # wrong, or NaN: no match
 
 
 def test_head_that_a_thick_neck_joins_to_the_trunk_is_not_lost_to_a_thick_arm():

@@ -46,8 +46,9 @@ def test_batches_are_refined_as_the_whole_film():
     )  # fmt: skip
     apart = np.linalg.norm(found.joints - problem.to_poses(whole).joints, axis=-1)
     assert np.median(apart) < 2e-3
-    # Solves that stop at a hundredth of the cost are a few centimetres apart at the last frames of the film.
-    assert np.percentile(apart, 97) < 0.02
+    # Solves that stop at a hundredth of the cost are centimetres apart in the last ten frames of the film.
+    assert np.percentile(apart, 93) < 0.02
+    assert apart[:34].max() < 0.02
 
 
 def batch_of(statuses: list[int], people: list[int], plausible: list[bool], first: int) -> coupled.Started:
