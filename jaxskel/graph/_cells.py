@@ -98,7 +98,7 @@ def cells_of(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> tuple[Cel
     Returns:
         The cells, and the index of each root's cell.
     """
-    own = [inside.nonzero()[0] for inside in hulls.inside]
+    own = [hulls.occupied(f) for f in range(len(hulls))]
     axes = [axis >> 1 for axis in np.ascontiguousarray(hulls.voxels.T)]
     # Voxels are in grid order: x never falls.
     held = [(axes[0].take(some[[0, -1]]), axes[1].take(some), axes[2].take(some)) for some in own]

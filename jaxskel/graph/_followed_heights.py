@@ -47,7 +47,7 @@ class FollowedHeights(eqx.Module):
             return roots
         tops, away = [], []
         for f in frames:
-            own = np.flatnonzero(hulls.inside[f])
+            own = hulls.occupied(f)
             found = own[_maxima(hulls.voxels[own], self.least_rise * scale)][: self.most]
             middle, floor = hulls.voxels[own, :2].mean(0), hulls.voxels[own, 2].min()
             rise = (hulls.voxels[found, 2] - floor - tall) / scale

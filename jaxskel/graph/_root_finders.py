@@ -35,7 +35,7 @@ class HighestVoxel(eqx.Module):
         roots = np.zeros(len(hulls), np.int64)
         heights = hulls.voxels @ np.array(skeleton.template.begins)
         for f in np.flatnonzero(hulls.inside.any(1)):
-            roots[f] = _highest(hulls, np.flatnonzero(hulls.inside[f]), heights)
+            roots[f] = _highest(hulls, hulls.occupied(f), heights)
         return roots
 
 

@@ -46,7 +46,7 @@ class ThinnestPaths(eqx.Module):
         """
         graphs = []
         for f, root in enumerate(roots):
-            inside = np.flatnonzero(hulls.inside[f])
+            inside = hulls.occupied(f)
             if len(inside) == 0:
                 raise ValueError(f"hull {f} of {len(hulls)} has no voxel: leave frames without a person out")
             graphs.append(self._one(hulls, hulls.voxels[inside], int(np.searchsorted(inside, root))))

@@ -14,8 +14,9 @@ from .._math.components import connected, first_mentions
 from ._grid import VoxelGrid
 from ._visual_hulls import VisualHulls
 
-# Offsets to neighbouring columns, one of each pair of opposite ones.
-_BESIDE = ((0, 1), (1, -1), (1, 0), (1, 1))
+# Offsets to neighbouring columns: across a face, one of each pair of opposite ones, and across an edge.
+_ACROSS_FACES = ((0, 1), (1, 0))
+_ACROSS_EDGES = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 
 
 @register_dataclass
@@ -45,8 +46,16 @@ class Bodies:
 
 def find_bodies(hulls: VisualHulls) -> Bodies:
     """Split each hull into components that are connected over faces, edges or corners (26-neighbourhood)."""
-    frame, first, length = _runs(hulls)
-    body = connected(*_touching(hulls, frame, first, length), len(frame))
+    runs = _Runs(hulls)
+    body = connected(*runs.touching(np.arange(len(runs.frame)), _ACROSS_FACES), len(runs.frame))
+    # Over faces a person is one large component already. Whatever else is connected, a smaller one is part of it.
+    sizes = np.bincount(body, runs.length)
+    ascending = sizes.argsort(kind="stable")
+    largest = np.zeros(len(hulls), np.int64)
+    largest[runs.frame.take(first_mentions(body, len(sizes))).take(ascending)] = ascending
+    smaller = (body != largest.take(runs.frame)).nonzero()[0]
+    one, other = runs.touching(smaller, _ACROSS_EDGES)
+    body = connected(body.take(one), body.take(other), len(sizes)).take(body)
     count = int(body.max(initial=-1)) + 1
     # Number bodies by their first run, independently of the order of the pairs.
     first_run = first_mentions(body, count)
@@ -54,39 +63,48 @@ def find_bodies(hulls: VisualHulls) -> Bodies:
     number = np.empty_like(order)
     number[order] = np.arange(count)
     body = number[body]
-    return Bodies(frame, first, length, body, frame[first_run[order]], np.bincount(body, length, count).astype(int))
+    sizes = np.bincount(body, runs.length, count).astype(int)
+    return Bodies(runs.frame, runs.first, runs.length, body, runs.frame[first_run[order]], sizes)
 
 
-def _touching(
-    hulls: VisualHulls,
-    frame: Int[np.ndarray, " runs"],
-    first: Int[np.ndarray, " runs"],
-    length: Int[np.ndarray, " runs"],
-) -> tuple[Int[np.ndarray, " pairs"], Int[np.ndarray, " pairs"]]:
-    """Pairs of runs of the same frame that touch, in neighbouring columns."""
-    x, y, z = hulls.voxels.take(first, axis=0).T.astype(np.int64)
-    below, above = z - 1, z + length
-    # Number the columns of grids with a margin, so that neighbours do not wrap around.
-    width, columns = hulls.grid.shape[1] + 2, (hulls.grid.shape[0] + 2) * (hulls.grid.shape[1] + 2)
-    column = frame * columns + (x + 1) * width + y + 1
-    begins = np.append(0, np.cumsum(np.bincount(column, minlength=len(hulls) * columns)))
-    one, other = [], []
-    for along_x, along_y in _BESIDE:
-        beside = column + along_x * width + along_y
-        run, candidate, end = np.arange(len(column)), begins.take(beside), begins.take(beside + 1)
-        # Step through the few runs of the neighbouring column.
-        while True:
-            more = (candidate < end).nonzero()[0]
-            if not len(more):
-                break
-            run, candidate, end = run.take(more), candidate.take(more), end.take(more)
-            low, high = z.take(candidate), above.take(candidate)
-            touch = ((low <= above.take(run)) & (high > below.take(run))).nonzero()[0]
-            one.append(run.take(touch))
-            other.append(candidate.take(touch))
-            candidate = candidate + 1
-    none = np.zeros(0, np.int64)
-    return np.concatenate([none, *one]), np.concatenate([none, *other])
+class _Runs:
+    """Runs of the hulls of a batch, and which of them touch.
+
+    Attributes:
+        frame: Frame of each run.
+        first: Index of the run's lowest voxel in ``hulls.voxels``.
+        length: Number of voxels of each run.
+    """
+
+    def __init__(self, hulls: VisualHulls):
+        self.frame, self.first, self.length = _runs(hulls)
+        x, y, self._low = hulls.voxels.take(self.first, axis=0).T.astype(np.int64)
+        self._high = self._low + self.length
+        # Number the columns of grids with a margin, so that neighbours do not wrap around.
+        self._width, columns = hulls.grid.shape[1] + 2, (hulls.grid.shape[0] + 2) * (hulls.grid.shape[1] + 2)
+        self._column = self.frame * columns + (x + 1) * self._width + y + 1
+        self._begins = np.append(0, np.cumsum(np.bincount(self._column, minlength=len(hulls) * columns)))
+
+    def touching(
+        self, some: Int[np.ndarray, " some"], beside: tuple[tuple[int, int], ...]
+    ) -> tuple[Int[np.ndarray, " pairs"], Int[np.ndarray, " pairs"]]:
+        """Pairs of some runs and those of neighbouring columns, `beside` them along x and y, that they touch."""
+        one, other = [some[:0]], [some[:0]]
+        for along_x, along_y in beside:
+            column = self._column.take(some) + along_x * self._width + along_y
+            run, candidate, end = some, self._begins.take(column), self._begins.take(column + 1)
+            # Step through the few runs of the neighbouring column.
+            while True:
+                more = (candidate < end).nonzero()[0]
+                if not len(more):
+                    break
+                run, candidate, end = run.take(more), candidate.take(more), end.take(more)
+                below, above = self._low.take(candidate), self._high.take(candidate)
+                touch = ((below <= self._high.take(run)) & (above >= self._low.take(run))).nonzero()[0]
+                one.append(run.take(touch))
+                other.append(candidate.take(touch))
+                candidate = candidate + 1
+        return np.concatenate(one), np.concatenate(other)
 
 
 def bodies_among(voxels: Int[np.ndarray, "n 3"], grid: VoxelGrid) -> Bodies:
@@ -98,13 +116,22 @@ def _runs(hulls: VisualHulls) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Frame, first voxel and length of each run."""
     x, y, z = np.ascontiguousarray(hulls.voxels.T)
     follows = (x[1:] == x[:-1]) & (y[1:] == y[:-1]) & (z[1:] == z[:-1] + 1)
-    # Join each voxel to the one before it if both are occupied.
-    joined = np.zeros((len(hulls), len(hulls.voxels) + 1), bool)
-    np.logical_and(hulls.inside[:, :-1], follows, out=joined[:, 1:-1])
-    joined[:, 1:-1] &= hulls.inside[:, 1:]
-    starts, ends = hulls.inside > joined[:, :-1], hulls.inside > joined[:, 1:]
-    first, last = np.flatnonzero(starts), np.flatnonzero(ends)
-    return *np.divmod(first, max(len(hulls.voxels), 1)), last - first + 1
+    first, last = [], []
+    for f in range(len(hulls)):
+        span = hulls.span(f)
+        starts = hulls.inside[f, span].copy()
+        ends = starts.copy()
+        # Join each voxel to the one before it if both are occupied.
+        joined = starts[1:] & starts[:-1]
+        joined &= follows[span.start : span.start + len(joined)]
+        starts[1:] ^= joined
+        ends[:-1] ^= joined
+        first.append(starts.nonzero()[0] + span.start)
+        last.append(ends.nonzero()[0] + span.start)
+    frame = np.arange(len(hulls)).repeat([len(own) for own in first])
+    none = np.zeros(0, np.int64)
+    first = np.concatenate([none, *first])
+    return frame, first, np.concatenate([none, *last]) - first + 1
 
 
 def voxels_of_bodies(

@@ -40,6 +40,16 @@ class VisualHulls:
         """The hulls of some frames."""
         return VisualHulls(self.voxels, self.inside[frames], self.grid)
 
+    def span(self, frame: int | np.integer) -> slice:
+        """From the first to the last occupied voxel of a frame: a person fills a small part of where it went."""
+        inside = self.inside[frame].tobytes()  # searched from both ends, which NumPy does a voxel at a time
+        return slice(max(0, inside.find(b"\1")), inside.rfind(b"\1") + 1)
+
+    def occupied(self, frame: int | np.integer) -> Int[np.ndarray, " own"]:
+        """Indices into `voxels` of the occupied voxels of a frame, ascending."""
+        span = self.span(frame)
+        return self.inside[frame, span].nonzero()[0] + span.start
+
     def dense(self, frame: int) -> Bool[np.ndarray, "x y z"]:
         """Occupancy of one frame on the whole grid."""
         occupancy = np.zeros(self.grid.shape, bool)

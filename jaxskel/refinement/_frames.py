@@ -79,7 +79,7 @@ def refine_frame(
         return ravel_pytree(found | kept)[0]
 
     # Correspondences change between solves only: an argmin inside the residual keeps the solver from converging.
-    def one_round(base: Any, _: None) -> tuple[Any, tuple[Array, Array, Array]]:
+    def one_round(base: Any, _: None) -> tuple[Any, tuple[Array, Array, Any]]:
         fixed = objective.correspond(parametrisation.placed(base, skeleton), observed)
         solution = optx.least_squares(
             residuals,
@@ -95,14 +95,16 @@ def refine_frame(
             if isinstance(solver, NormalEquationsLM) and solver.equations is NormalEquations
             else equations_at(lambda unknowns: residuals(unknowns, (base, fixed)), solution.value)
         )
-        covariance = spread(equations, parametrisation, solution.value, base, skeleton)
-        base = parametrisation.settled(parametrisation.retract(solution.value, base, skeleton), skeleton)
-        return base, (solution.result == optx.RESULTS.successful, solution.stats["num_steps"], covariance)
+        after = parametrisation.settled(parametrisation.retract(solution.value, base, skeleton), skeleton)
+        ended = solution.result == optx.RESULTS.successful, solution.stats["num_steps"]
+        return after, (*ended, (equations, solution.value, base))
 
     start = parametrisation.begin(in_precision_of(parametrisation.unknowns(skeleton), initial), skeleton)
-    base, (converged, steps, covariance) = jax.lax.scan(one_round, start, None, length=rounds)
+    base, (converged, steps, solved) = jax.lax.scan(one_round, start, None, length=rounds)
+    equations, moved, before = jax.tree.map(lambda each: each[-1], solved)
+    covariance = spread(equations, parametrisation, moved, before, skeleton)
     inputs = objective, parametrisation, skeleton, observed
-    base, spreads = trusted_gradient((base, covariance[-1]), converged[-1], inputs)
+    base, spreads = trusted_gradient((base, covariance), converged[-1], inputs)
     costs = objective.costs(parametrisation.placed(base, skeleton), observed)
     costs |= {name: (rows**2).sum() for name, rows in parametrisation.constraint_residuals(base, skeleton).items()}
     # With NaN data the solver stays at its start: the pose is finite then, but its costs are not.

