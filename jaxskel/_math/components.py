@@ -1,4 +1,4 @@
-"""Connected components of a graph given by pairs, and the first member of each."""
+"""Connected components of a graph given by pairs, the first member of each, and ranks to number them by."""
 
 import numpy as np
 from jaxtyping import Int
@@ -33,3 +33,10 @@ def first_mentions(labels: Int[np.ndarray, " n"], count: int) -> Int[np.ndarray,
     first = np.empty(count, np.int64)
     first[labels[::-1]] = np.arange(len(labels))[::-1]  # of several values written to one place, the last one stays
     return first
+
+
+def ranks(order: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
+    """Position of each index in an order of all indices: the inverse of a permutation."""
+    rank = np.empty(len(order), np.int64)
+    rank[order] = np.arange(len(order))
+    return rank

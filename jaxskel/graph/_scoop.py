@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from .._math.components import first_mentions
+from .._math.components import first_mentions, ranks
 from ..hull import VisualHulls
 from ._cells import Cells, cells_of
 from ._end_nodes import moved_outwards
@@ -109,9 +109,7 @@ class _Clusters(NamedTuple):
         if np.count_nonzero(owners[1:] != owners[:-1]) + 1 < len(sizes):  # an owner has several
             first = first_mentions(labels, len(sizes))
             order = np.lexsort((first, -sizes, owners.take(first)))
-            rank = np.empty(len(sizes), np.int64)
-            rank[order] = np.arange(len(sizes))
-            labels, sizes = rank.take(labels), sizes.take(order)
+            labels, sizes = ranks(order).take(labels), sizes.take(order)
             by_cluster = stable_order(labels)
             cells, owners, labels = (array.take(by_cluster) for array in (cells, owners, labels))
         starts = sizes.cumsum() - sizes
@@ -171,8 +169,7 @@ class _Nodes:
         frames, extents = np.concatenate(self.frames), np.concatenate(self.extents)
         order = np.argsort(frames, kind="stable")
         start = np.searchsorted(frames[order], np.arange(count + 1))
-        local = np.empty(len(order), np.int64)
-        local[order] = np.arange(len(order)) - start[frames[order]]
+        local = ranks(order) - start[frames]
         graphs = []
         for f in range(count):
             mine = order[start[f] : start[f + 1]]

@@ -10,7 +10,7 @@ Frames are independent: the result of a frame does not depend on the rest of the
 import numpy as np
 from jaxtyping import Float, Int
 
-from .._math.components import connected, first_mentions
+from .._math.components import connected, first_mentions, ranks
 from ..hull import VisualHulls
 from ._cells import Cells, cells_of
 from ._end_nodes import moved_outwards
@@ -64,7 +64,7 @@ def _shell_by_shell(
     found, reached = [], 0
     shell, before = seeds, np.arange(len(seeds))
     while len(shell):
-        ahead, origin, one, other = wave.spread(shell, reached)
+        ahead, origin, one, other = wave.next_shell(shell, reached)
         found.append((shell, before, one, other))
         reached += len(shell)
         shell, before = ahead, origin
@@ -79,9 +79,7 @@ def _numbered(
     first = first_mentions(labels, int(labels.max()) + 1)
     frames = frame.take(first)
     order = np.lexsort((first, frames))
-    rank = np.empty(len(order), np.int64)
-    rank[order] = np.arange(len(order))
-    return rank.take(labels), frames.take(order)
+    return ranks(order).take(labels), frames.take(order)
 
 
 def _parents(

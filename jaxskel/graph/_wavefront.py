@@ -1,4 +1,4 @@
-"""The wavefront of voxel scooping: which cells of a batch of frames are still unvisited."""
+"""The wavefront that runs from the roots through a batch of frames: which of their cells are still unvisited."""
 
 import numpy as np
 from jaxtyping import Int
@@ -71,7 +71,7 @@ class Wave:
         index = kept[1] if len(kept) == 2 else np.concatenate(kept)
         return cells.take(index), owners.take(order.take(index))
 
-    def spread(
+    def next_shell(
         self, shell: Int[np.ndarray, " n"], first: int
     ) -> tuple[
         Int[np.ndarray, " next"], Int[np.ndarray, " next"], Int[np.ndarray, " pairs"], Int[np.ndarray, " pairs"]

@@ -10,7 +10,7 @@ import numpy as np
 from jax.tree_util import register_dataclass
 from jaxtyping import Bool, Int
 
-from .._math.components import connected, first_mentions
+from .._math.components import connected, first_mentions, ranks
 from ._grid import VoxelGrid
 from ._visual_hulls import VisualHulls
 
@@ -60,9 +60,7 @@ def find_bodies(hulls: VisualHulls) -> Bodies:
     # Number bodies by their first run, independently of the order of the pairs.
     first_run = first_mentions(body, count)
     order = np.argsort(first_run)
-    number = np.empty_like(order)
-    number[order] = np.arange(count)
-    body = number[body]
+    body = ranks(order).take(body)
     sizes = np.bincount(body, runs.length, count).astype(int)
     return Bodies(runs.frame, runs.first, runs.length, body, runs.frame[first_run[order]], sizes)
 

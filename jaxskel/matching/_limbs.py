@@ -13,6 +13,8 @@ from ._descriptors import EndNodes, template_geodesics
 from ._matchers import Matches
 
 PATH_POINTS = 32
+# Every second point of a path, and its last one.
+_CORNERS = np.append(np.arange(0, PATH_POINTS, 2), PATH_POINTS - 1)
 HEAD, L_HAND, R_HAND, L_FOOT, R_FOOT = range(5)
 
 END_NODE_REACH = 0.7
@@ -58,6 +60,12 @@ class Limbs:
     def ends(self) -> Float[np.ndarray, "frames labels 3"]:
         """The labelled end nodes (m)."""
         return self.paths[:, :, -1]
+
+    @property
+    def chords(self) -> Float[np.ndarray, "frames labels"]:
+        """Length of each path in 16 chords (m), because nodes lie now to one side of a limb, now to the other."""
+        steps = np.diff(self.paths[:, :, _CORNERS], axis=2)
+        return np.linalg.norm(steps, axis=-1).sum(-1)
 
     @classmethod
     def none(cls, frames: int) -> "Limbs":

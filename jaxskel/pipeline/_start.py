@@ -12,7 +12,7 @@ from .._runtime.steps import Steps
 from ..body import HUMAN_15, Body, Pose, Skeleton
 from ..graph import SkeletalGraph, forest_of
 from ..hull import FRAMES_PER_WORD, Seen, Stopwatch, middles_of_people
-from ..matching import L_FOOT, PATH_POINTS, R_FOOT, Limbs, template_ends
+from ..matching import L_FOOT, R_FOOT, Limbs, template_ends
 from ..recording import Recording
 from ..refinement.terms import Objective, Observed
 from ..search import (
@@ -51,9 +51,6 @@ from ._uncertainties import TrustInGraph, TrustInSearch, trust_in_search
 # A body whose path lengths from head to feet differ from the template's by more than this share is not this person, or
 # only a part of a person.
 _LEG_TOLERANCE = 0.3
-# Corners of a path to a foot, among its points: chords of some 0.1 m, because nodes lie now to one side of a limb, now
-# to the other.
-_CORNERS = np.append(np.arange(0, PATH_POINTS, 2), PATH_POINTS - 1)
 # The highest voxel may be a raised hand, which is at most 1.5 times as far from the feet as the head is.
 _FARTHEST = 1.6
 
@@ -245,9 +242,8 @@ def _plausible(graphs: list[SkeletalGraph], limbs: Limbs, skeleton: Skeleton) ->
     """
     if skeleton.template != HUMAN_15:
         ways = template_ends(skeleton)[0, 1:]
-        return (limbs.found[:, 1:] & (np.abs(limbs.lengths[:, 1:] / ways - 1) < _LEG_TOLERANCE)).mean(1) > 0.5
+        return (limbs.found[:, 1:] & (np.abs(limbs.chords[:, 1:] / ways - 1) < _LEG_TOLERANCE)).mean(1) > 0.5
     way = template_ends(skeleton)[0, [L_FOOT, R_FOOT]]
-    chords = np.diff(limbs.paths[:, [L_FOOT, R_FOOT]][:, :, _CORNERS], axis=2)
-    legs = np.abs(np.linalg.norm(chords, axis=-1).sum(-1) / way - 1) < _LEG_TOLERANCE
+    legs = np.abs(limbs.chords[:, [L_FOOT, R_FOOT]] / way - 1) < _LEG_TOLERANCE
     farthest = forest_of(graphs).depths.max(1)
     return (legs & limbs.found[:, [L_FOOT, R_FOOT]]).any(1) & (farthest < _FARTHEST * way.max())

@@ -14,7 +14,12 @@ from ._model import Model
 # The limb search uses one in this many rays, to save time.
 _SOME = 2
 BOTH = np.array([0, 1], np.int32)
-"""Replace both limbs of a pair; the same number twice replaces only that one."""
+"""Replace both limbs of a pair."""
+
+
+def only(number: int) -> Int[np.ndarray, "2"]:
+    """Replace only this limb of a pair: written as the same number twice, so that one program serves both."""
+    return np.full(2, number, np.int32)
 
 
 @cached_jit
@@ -37,7 +42,7 @@ def with_limbs(
         frames: The frame of each pose in the stack.
         stack: What the frames show.
         names: A left and a right limb.
-        which: `BOTH`, or twice the number of a limb.
+        which: `BOTH`, or `only` one of them.
         count: Number of proposals for each pose.
     """
     which = jnp.asarray(which)

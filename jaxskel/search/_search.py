@@ -19,7 +19,7 @@ from ..refinement.terms import GivenObjective, Observed, check_given, search_obj
 from ._facing import both_ways, turned_starts
 from ._fit import fit_scales, fitting, in_chunks
 from ._hypotheses import Hypotheses, Pool, pool_of, select_distinct
-from ._limb_proposals import BOTH, with_limbs
+from ._limb_proposals import BOTH, only, with_limbs
 from ._limb_search import scores_limbs
 from ._model import Model
 from ._start_poses import other_ways
@@ -228,7 +228,7 @@ def _searched(model: Model, search: Search, starts: Pool, stack: Observed, wide:
         return found.joined(other).distinct(search.most)
 
     def single(number: int, poses: Pose, at: Int[np.ndarray, " n"]) -> Pose:
-        return with_limbs(model, poses, at, stack, ARMS, np.full(2, number, np.int32), search.singles)
+        return with_limbs(model, poses, at, stack, ARMS, only(number), search.singles)
 
     def settled(found: Pool) -> Steps[Pool]:
         """Fit the best pose of each frame further."""
