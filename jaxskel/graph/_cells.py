@@ -98,12 +98,10 @@ def cells_of(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> tuple[Cel
     Returns:
         The cells, and the index of each root's cell.
     """
-    own = [hulls.occupied(f) for f in range(len(hulls))]
+    runs = [hulls.runs.of(f) for f in range(len(hulls))]
     axes = [axis >> 1 for axis in np.ascontiguousarray(hulls.voxels.T)]
-    # Voxels are in grid order: x never falls.
-    held = [(axes[0].take(some[[0, -1]]), axes[1].take(some), axes[2].take(some)) for some in own]
-    low = np.array([[axis.min() for axis in each] for each in held], np.int64) - 1
-    high = np.array([[axis.max() for axis in each] for each in held], np.int64) + 2
+    low = np.array([[axis.take(own.first).min() for axis in axes] for own in runs], np.int64) - 1
+    high = np.array([[axis.take(own.last).max() for axis in axes] for own in runs], np.int64) + 2
     shape: list[int] = (high - low).max(0).tolist()
     strides = np.array([shape[1] * shape[2], shape[2], 1])
     starts = low @ strides
@@ -111,7 +109,8 @@ def cells_of(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> tuple[Cel
     x, y, z = (hulls.voxels & 1).T
     bits = _BITS.take(x << 2 | y << 1 | z)
     codes = np.empty((len(hulls), shape[0] * shape[1] * shape[2]), np.uint8)
-    for box, some, start in zip(codes, own, starts.tolist(), strict=True):
+    for box, own, start in zip(codes, runs, starts.tolist(), strict=True):
+        some = own.voxels
         box[:] = np.bincount(places.take(some) - start, bits.take(some), len(box))
     at_roots = places[roots] - starts + np.arange(len(hulls)) * codes.shape[1]
     spacing = hulls.grid.spacing

@@ -33,9 +33,12 @@ class HighestVoxel(eqx.Module):
     def roots(self, hulls: VisualHulls, skeleton: Skeleton) -> Int[np.ndarray, " frames"]:
         """Index into ``hulls.voxels`` of the root of each person's graph; 0 for an empty hull."""
         roots = np.zeros(len(hulls), np.int64)
-        heights = hulls.voxels @ np.array(skeleton.template.begins)
-        for f in np.flatnonzero(hulls.inside.any(1)):
-            roots[f] = _highest(hulls, hulls.occupied(f), heights)
+        begins = np.array(skeleton.template.begins)
+        for f in np.unique(hulls.runs.frame):
+            own = hulls.runs.of(f)
+            # The farthest voxels along z end runs, of which there are fewer.
+            voxels = np.append(own.first, own.last) if begins[2] else own.voxels
+            roots[f] = _highest(hulls, voxels, hulls.voxels.take(voxels, axis=0) @ begins)
         return roots
 
 
@@ -72,14 +75,14 @@ class HeadBall(eqx.Module):
         least, most = (volume * scale**3 / hulls.grid.spacing**3 for volume in (self.least_core, self.most_core))
         lead = self.overtopped * scale / hulls.grid.spacing
         roots = np.full(len(hulls), -1)
-        joined = np.flatnonzero(hulls.inside.any(1))
+        joined = np.unique(hulls.runs.frame)
         for depth in self.depths:
             frames, joined = joined, np.zeros(0, np.int64)
             for f, deep in zip(frames, deep_voxels(hulls, frames, depth * scale), strict=True):
                 core = _highest_core(hulls, np.flatnonzero(deep), least, lead)
                 alone = 0 < len(core) <= most
                 if len(core) and (alone or roots[f] < 0):
-                    roots[f] = _straight_up(hulls, f, _highest(hulls, core, hulls.voxels[:, 2]))
+                    roots[f] = _straight_up(hulls, f, _highest(hulls, core, hulls.voxels[core, 2]))
                 if not alone:
                     joined = np.append(joined, f)
         none = roots < 0
@@ -145,10 +148,9 @@ def _eroded(
     return eroded
 
 
-def _highest(hulls: VisualHulls, own: Int[np.ndarray, " own"], heights: Num[np.ndarray, " voxels"]) -> int:
+def _highest(hulls: VisualHulls, own: Int[np.ndarray, " own"], heights: Num[np.ndarray, " own"]) -> int:
     """The highest of some voxels; of equally high ones, the one nearest to their mean."""
-    mine = heights.take(own)
-    top = own[mine == mine.max()]
+    top = np.unique(own[heights == heights.max()])  # runs of one voxel come twice
     places = hulls.voxels[top]
     return int(top[np.argmin(((places - places.mean(0)) ** 2).sum(1))])
 
@@ -167,7 +169,7 @@ def _highest_core(
     heights = hulls.voxels[own, 2]
     middles = np.bincount(body, heights) / sizes
     tops = np.full(len(sizes), -1)
-    np.maximum.at(tops, bodies.body, heights[np.cumsum(bodies.length) - 1])  # runs end at their highest voxel
+    np.maximum.at(tops, bodies.body, heights[bodies.runs.last])  # runs end at their highest voxel
     middles[sizes < least], tops[sizes < least] = -np.inf, -1
     core = int(np.argmax(middles))
     if tops.max() - tops[core] > lead:

@@ -9,7 +9,7 @@ from jax.tree_util import register_dataclass
 from jaxtyping import Bool, Float, Int
 
 from ..poses import Status
-from ._connected_bodies import find_bodies, voxels_of_bodies
+from ._connected_bodies import find_bodies
 from ._projection_table import ProjectionTable
 from ._visual_hulls import VisualHulls
 
@@ -78,11 +78,11 @@ def find_people(
             if explains_all(f, largest):
                 status[f] = Status.OK
         chosen[parts] = status[f] == Status.OK
-    inside = voxels_of_bodies(hulls, bodies, chosen)
+    hulls = hulls.only(chosen[bodies.body])
     at_edge = np.flatnonzero(edge[tuple(hulls.voxels.T)])
-    outside = inside[:, at_edge].sum(1) >= _EDGE_VOXELS
-    status[outside], inside[outside] = Status.PARTLY_OUTSIDE, False
-    return People(VisualHulls(hulls.voxels, inside, hulls.grid), status)
+    outside = hulls.inside[:, at_edge].sum(1) >= _EDGE_VOXELS
+    status[outside] = Status.PARTLY_OUTSIDE
+    return People(hulls.only(~outside[hulls.runs.frame]) if outside.any() else hulls, status)
 
 
 def _joined(

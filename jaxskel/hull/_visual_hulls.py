@@ -1,12 +1,14 @@
 """Visual hulls of a batch of frames, stored sparsely: the interface between carving (JAX) and graph (NumPy)."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jax.tree_util import register_dataclass
 from jaxtyping import Bool, Float, Int
 
 from ._grid import VoxelGrid, check_spacing
+from ._runs import Runs, runs_of
 
 
 @register_dataclass
@@ -38,17 +40,32 @@ class VisualHulls:
 
     def __getitem__(self, frames: Int[np.ndarray, " some"] | Bool[np.ndarray, " frames"]) -> "VisualHulls":
         """The hulls of some frames."""
-        return VisualHulls(self.voxels, self.inside[frames], self.grid)
+        if "runs" not in vars(self):
+            return VisualHulls(self.voxels, self.inside[frames], self.grid)
+        return self._with(self.inside[frames], self.runs.of_frames(np.arange(len(self))[frames]))
 
-    def span(self, frame: int | np.integer) -> slice:
-        """From the first to the last occupied voxel of a frame: a person fills a small part of where it went."""
-        inside = self.inside[frame].tobytes()  # searched from both ends, which NumPy does a voxel at a time
-        return slice(max(0, inside.find(b"\1")), inside.rfind(b"\1") + 1)
+    @cached_property
+    def runs(self) -> Runs:
+        """Vertical runs of the occupied voxels."""
+        return runs_of(self.voxels, self.inside)
 
     def occupied(self, frame: int | np.integer) -> Int[np.ndarray, " own"]:
         """Indices into `voxels` of the occupied voxels of a frame, ascending."""
-        span = self.span(frame)
-        return self.inside[frame, span].nonzero()[0] + span.start
+        return self.runs.of(frame).voxels
+
+    def only(self, some: Bool[np.ndarray, " runs"]) -> "VisualHulls":
+        """The same hulls with some of their runs only."""
+        inside = self.inside.copy()
+        # Clear the others, which are mostly specks of few voxels.
+        others = self.runs.chosen(~some)
+        inside[others.frame.repeat(others.length), others.voxels] = False
+        return self._with(inside, self.runs.chosen(some))
+
+    def _with(self, inside: Bool[np.ndarray, "frames voxels"], runs: Runs) -> "VisualHulls":
+        """Other occupied voxels, whose runs are known."""
+        hulls = VisualHulls(self.voxels, inside, self.grid)
+        vars(hulls)["runs"] = runs  # where `cached_property` keeps them
+        return hulls
 
     def dense(self, frame: int) -> Bool[np.ndarray, "x y z"]:
         """Occupancy of one frame on the whole grid."""

@@ -5,7 +5,7 @@ import pytest
 from scipy import ndimage
 
 from jaxskel.hull import VisualHulls, VoxelGrid, bodies_among, hulls_from_dense
-from jaxskel.hull._connected_bodies import find_bodies, voxels_of_bodies
+from jaxskel.hull._connected_bodies import find_bodies
 
 
 def hulls(occupancy: np.ndarray) -> VisualHulls:
@@ -43,10 +43,11 @@ def test_kept_are_the_voxels_of_the_chosen_bodies():
     occupancy[0, 1, 1, [0, 1, 4]] = occupancy[1, 1, 1, [1, 2, 6]] = True
     made = hulls(occupancy)
     bodies = find_bodies(made)
-    inside = voxels_of_bodies(made, bodies, bodies.sizes > 1)
-    assert [made.voxels[row, 2].tolist() for row in inside] == [[0, 1], [1, 2]]
+    kept = made.only((bodies.sizes > 1)[bodies.body])
+    assert [made.voxels[row, 2].tolist() for row in kept.inside] == [[0, 1], [1, 2]]
+    assert [kept.voxels[kept.occupied(f), 2].tolist() for f in (0, 1)] == [[0, 1], [1, 2]]
 
 
 def test_where_nothing_is_there_are_no_bodies():
     bodies = find_bodies(hulls(np.zeros((2, 3, 3, 3), bool)))
-    assert len(bodies.sizes) == len(bodies.frame) == 0
+    assert len(bodies.sizes) == len(bodies.runs.frame) == 0
