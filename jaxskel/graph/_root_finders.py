@@ -36,7 +36,7 @@ class HighestVoxel(eqx.Module):
         begins = np.array(skeleton.template.begins)
         for f in np.unique(hulls.runs.frame):
             own = hulls.runs.of(f)
-            # The farthest voxels along z end runs, of which there are fewer.
+            # The farthest voxels along z are ends of runs, of which there are fewer.
             voxels = np.append(own.first, own.last) if begins[2] else own.voxels
             roots[f] = _highest(hulls, voxels, hulls.voxels.take(voxels, axis=0) @ begins)
         return roots

@@ -30,7 +30,7 @@ def shells(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[Skelet
     lies half-way between the middles of the two: middles of single shells jump from side to side, which makes paths 3 %
     longer (34 recordings of crowd). End nodes move to the centroid of the outermost voxels of all siblings, because how
     far the last shell goes, and into how many components it splits, is arbitrary. Nodes are numbered by frame,
-    distance, then first cell, so the same voxels always give the same graph.
+    then in the order in which the wave reaches them, so the same voxels always give the same graph.
 
     Arguments, result (m, in the hulls' world) and errors are those of [`scoop`][jaxskel.graph.scoop].
     """
