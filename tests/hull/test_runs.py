@@ -51,3 +51,18 @@ def test_kept_are_the_voxels_of_the_chosen_bodies():
 def test_where_nothing_is_there_are_no_bodies():
     bodies = find_bodies(hulls(np.zeros((2, 3, 3, 3), bool)))
     assert len(bodies.sizes) == len(bodies.runs.frame) == 0
+
+
+@pytest.mark.parametrize("frames", [np.array([3, 0, 3]), np.array([True, False, True, True, False]), np.arange(0)])
+def test_some_frames_keep_their_runs(frames):
+    made = hulls(np.random.default_rng(3).random((5, 6, 5, 9)) < 0.4)
+    anew = made[frames]
+    runs = made.runs
+    some = made.only(np.arange(len(runs.frame)) % 3 != 0)
+    for known, same in ((made[frames], anew), (some[frames], VisualHulls(some.voxels, some.inside[frames], some.grid))):
+        np.testing.assert_array_equal(known.inside, same.inside)
+        for own, expected in zip(known.runs, same.runs, strict=True):
+            np.testing.assert_array_equal(own, expected)
+        for f in range(len(known)):
+            np.testing.assert_array_equal(known.occupied(f), np.flatnonzero(known.inside[f]))
+    assert some.inside.sum() < made.inside.sum()

@@ -147,17 +147,23 @@ def test_steps_are_those_of_optimistix():
 
 
 def test_a_solve_ends_where_a_step_promises_too_little():
-    def solved(ftol):
+    def solved(ftol, edge=0.0):
+        def residuals(y, _):
+            return jnp.concatenate([y - 1, jnp.ones(1), jnp.where(y < edge, 1.0, 0.0)])
+
         solver = NormalEquationsLM(rtol=1e-9, atol=1e-9, ftol=ftol)
-        residuals = lambda y, _: jnp.concatenate([y - 1, jnp.ones(1)])  # noqa: E731
         solution = optx.least_squares(residuals, solver, jnp.array([1.1]), max_steps=64, throw=False)
         assert solution.result == optx.RESULTS.successful
-        return float(solution.value[0])
+        return float(solution.value[0]), int(solution.stats["num_steps"])
 
     # Damped by one, the first step goes half the way: from (0.1^2 + 1) / 2 to (0.05^2 + 1) / 2, by 0.74 % of the cost.
-    np.testing.assert_allclose(solved(0.0075), 1.05, atol=1e-6)
-    assert solved(0.0073) < 1.03
-    np.testing.assert_allclose(solved(0.0), 1.0, atol=1e-6)
+    last, steps = solved(0.0075)
+    np.testing.assert_allclose(last, 1.05, atol=1e-6)
+    assert steps == 1  # the equations are not formed again
+    assert solved(0.0073)[0] < 1.03
+    np.testing.assert_allclose(solved(0.0)[0], 1.0, atol=1e-6)
+    # Where that step would raise the cost, it is not taken.
+    np.testing.assert_allclose(solved(0.0075, edge=1.07)[0], 1.1, atol=1e-6)
 
 
 def test_a_solver_that_meets_nan_says_so():
