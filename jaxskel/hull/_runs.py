@@ -25,7 +25,7 @@ class Runs(NamedTuple):
 
     def of(self, frame: int | np.integer) -> "Runs":
         """The runs of a frame."""
-        own = slice(*np.searchsorted(self.frame, [frame, frame + 1]).tolist())
+        own = slice(*np.searchsorted(self.frame, [int(frame), int(frame) + 1]).tolist())
         return Runs(*(array[own] for array in self))
 
     def of_frames(self, frames: Int[np.ndarray, " some"]) -> "Runs":
