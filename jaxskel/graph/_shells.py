@@ -10,7 +10,7 @@ Frames are independent: the result of a frame does not depend on the rest of the
 import numpy as np
 from jaxtyping import Float, Int
 
-from .._math.components import connected, first_mentions, ranks
+from .._math.components import first_mentions, ranks
 from ..hull import VisualHulls
 from ._cells import Cells, cells_of
 from ._end_nodes import moved_outwards
@@ -30,7 +30,7 @@ def shells(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[Skelet
     lies half-way between the middles of the two: middles of single shells jump from side to side, which makes paths 3 %
     longer (34 recordings of crowd). End nodes move to the centroid of the outermost voxels of all siblings, because how
     far the last shell goes, and into how many components it splits, is arbitrary. Nodes are numbered by frame,
-    then in the order in which the wave reaches them, so the same voxels always give the same graph.
+    distance, then first cell, so the same voxels always give the same graph.
 
     Arguments, result (m, in the hulls' world) and errors are those of [`scoop`][jaxskel.graph.scoop].
     """
@@ -39,10 +39,23 @@ def shells(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[Skelet
 
 def _shells(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[SkeletalGraph]:
     cells, seeds = cells_of(hulls, roots)
-    some, origin, one, other = _shell_by_shell(Wave(cells), seeds)
-    labels = connected(one, other, len(some))
-    nodes, frames = _numbered(labels, some // (len(cells.codes) // len(hulls)))
-    order, parents = _parents(nodes, nodes.take(origin))
+    wave = Wave(cells)
+    level = np.full(len(cells.codes), -1, np.int16)
+    origin = np.empty(len(cells.codes), np.int32)
+    front, before, reached = seeds, seeds, 0
+    while len(front):
+        wave.mark_visited(front)
+        level[front], origin[front] = reached, before
+        front, before = wave.seen(front, front)
+        reached += 1
+    some = (level >= 0).nonzero()[0]
+    level = level.take(some)
+    box = len(cells.codes) // len(hulls)
+    nodes, frames = _numbered(wave.components(some, level), level, some // box)
+    at = origin  # from here on, where a cell stands in `some`
+    origin = origin.take(some)
+    at[some] = np.arange(len(some))
+    order, parents = _parents(nodes, nodes.take(at.take(origin)))
     positions, extents = _measured(cells, some.take(order), np.bincount(nodes))
     first = np.searchsorted(frames, np.arange(len(hulls) + 1))
     positions[first[:-1]] = np.asarray(hulls.grid.origin) + hulls.grid.spacing * (hulls.voxels[roots] + 0.5)
@@ -54,31 +67,13 @@ def _shells(hulls: VisualHulls, roots: Int[np.ndarray, " frames"]) -> list[Skele
     ]
 
 
-def _shell_by_shell(
-    wave: Wave, seeds: Int[np.ndarray, " frames"]
-) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"], Int[np.ndarray, " pairs"], Int[np.ndarray, " pairs"]]:
-    """All cells in the order in which they are reached, which numbers them, and for each the one it is reached from.
-
-    Also the pairs of cells in the same shell that touch each other. A seed is reached from itself.
-    """
-    found, reached = [], 0
-    shell, before = seeds, np.arange(len(seeds))
-    while len(shell):
-        ahead, origin, one, other = wave.next_shell(shell, reached)
-        found.append((shell, before, one, other))
-        reached += len(shell)
-        shell, before = ahead, origin
-    some, before, one, other = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
-    return some, before, one, other
-
-
 def _numbered(
-    labels: Int[np.ndarray, " n"], frame: Int[np.ndarray, " n"]
+    labels: Int[np.ndarray, " n"], level: Int[np.ndarray, " n"], frame: Int[np.ndarray, " n"]
 ) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " nodes"]]:
-    """Renumber nodes by frame, then the cell that is reached first; also the frame of each node."""
+    """Renumber nodes by frame, level, then first cell; also the frame of each node."""
     first = first_mentions(labels, int(labels.max()) + 1)
     frames = frame.take(first)
-    order = np.lexsort((first, frames))
+    order = np.lexsort((first, level.take(first), frames))
     return ranks(order).take(labels), frames.take(order)
 
 

@@ -26,7 +26,7 @@ class Wave:
         # Tiled, because one long array is faster than many short ones.
         self._steps = np.tile(cells.steps, min(_AT_ONCE, len(cells.codes)))
         self._mention = np.empty(len(self._open), np.uint16)
-        self._number = np.full(len(self._open), -1, np.int32)
+        self._number = np.empty(len(self._open), np.int32)
         self._group = np.full(len(self._open), -1, np.int32)
 
     def mark_visited(self, cells: Int[np.ndarray, " n"]) -> None:
@@ -39,7 +39,12 @@ class Wave:
         """The open neighbours of some cells; each gets the owner of the first of these cells that it touches."""
         if len(cells) > _AT_ONCE:
             return self._seen_in_parts(cells, owners)
-        around, hit = self._touched(cells)
+        around = cells.repeat(WAYS)
+        around += self._steps[: len(around)]
+        there = self._open.take(around)
+        there &= TOUCHED.take(self._codes.take(cells), 0).reshape(-1)
+        hit = (there != 0).nonzero()[0]
+        around = around.take(hit)
         first = self._first(around)
         return around.take(first), owners.take(hit.take(first) // WAYS)
 
@@ -70,49 +75,6 @@ class Wave:
             kept.append(start + still)
         index = kept[1] if len(kept) == 2 else np.concatenate(kept)
         return cells.take(index), owners.take(order.take(index))
-
-    def next_shell(
-        self, shell: Int[np.ndarray, " n"], first: int
-    ) -> tuple[
-        Int[np.ndarray, " next"], Int[np.ndarray, " next"], Int[np.ndarray, " pairs"], Int[np.ndarray, " pairs"]
-    ]:
-        """Go on by one cell everywhere, and mark a shell as visited.
-
-        Args:
-            shell: Open cells, numbered from `first` on; those of shells before have smaller numbers.
-            first: Number of the first of them.
-
-        Returns:
-            The next shell, the number of the cell that each of its cells is reached from, which is the first that
-            touches it, and pairs of numbers of cells in this shell that touch each other.
-        """
-        self._number[shell] = np.arange(first, first + len(shell))
-        found = []
-        for start in range(0, len(shell), _AT_ONCE):
-            part = shell[start : start + _AT_ONCE]
-            around, hit = self._touched(part)
-            number, own = self._number.take(around), hit // WAYS
-            own += first + start
-            beside, beyond = (number > own).nonzero()[0], (number < 0).nonzero()[0]
-            ahead = around.take(beyond)
-            new = self._first(ahead)
-            found.append((ahead.take(new), own.take(beyond.take(new)), own.take(beside), number.take(beside)))
-            self.mark_visited(found[-1][0])  # later parts must not find them again
-        self.mark_visited(shell)
-        ahead, before, one, other = (
-            found[0] if len(found) == 1 else (np.concatenate(a) for a in zip(*found, strict=True))
-        )
-        self._open[ahead] = self._codes.take(ahead)
-        return ahead, before, one, other
-
-    def _touched(self, cells: Int[np.ndarray, " n"]) -> tuple[Int[np.ndarray, " hits"], Int[np.ndarray, " hits"]]:
-        """Open neighbours that some cells touch, cell by cell, and where they stand among all neighbours."""
-        around = cells.repeat(WAYS)
-        around += self._steps[: len(around)]
-        there = self._open.take(around)
-        there &= TOUCHED.take(self._codes.take(cells), 0).reshape(-1)
-        hit = (there != 0).nonzero()[0]
-        return around.take(hit), hit
 
     def components(self, cells: Int[np.ndarray, " n"], owners: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
         """Label the connected components of cells with the same owner, from 0, in the order of their last cells."""

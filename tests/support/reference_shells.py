@@ -20,7 +20,7 @@ def shells_one_by_one(occupancy, root):
                 queue.append(other)
     node, middles, positions, parents = {first: 0}, [np.array(root, float)], [np.array(root, float)], [-1]
     for level in range(1, max(levels.values()) + 1):
-        for part in connected_parts([cell for cell in queue if levels[cell] == level], beside):
+        for part in connected_parts([cell for cell in sorted(levels) if levels[cell] == level], beside):
             votes = Counter(node[before[cell]] for cell in part)
             parent = min(votes, key=lambda one: (-votes[one], one))
             node.update(dict.fromkeys(part, len(parents)))
