@@ -38,6 +38,6 @@ def in_parts(
     at_once = max(1, min(_MOST_IN_BOXES // box, most // int(hulls.inside.sum(1).max())))
     graphs: list[SkeletalGraph] = []
     for start in range(0, len(hulls), at_once):
-        part = np.arange(start, min(start + at_once, len(hulls)))
+        part = slice(start, start + at_once)
         graphs += extract(hulls[part], roots[part])
     return graphs

@@ -34,10 +34,10 @@ class HighestVoxel(eqx.Module):
         """Index into ``hulls.voxels`` of the root of each person's graph; 0 for an empty hull."""
         roots = np.zeros(len(hulls), np.int64)
         begins = np.array(skeleton.template.begins)
-        for f in np.unique(hulls.runs.frame):
+        for f in np.flatnonzero(hulls.inside.any(1)):
             own = hulls.runs.of(f)
-            # The farthest voxels along z are ends of runs, of which there are fewer.
-            voxels = np.append(own.first, own.last) if begins[2] else own.voxels
+            # The farthest voxels upwards end runs, of which there are fewer.
+            voxels = own.last if begins[2] > 0 else own.voxels
             roots[f] = _highest(hulls, voxels, hulls.voxels.take(voxels, axis=0) @ begins)
         return roots
 
@@ -75,7 +75,7 @@ class HeadBall(eqx.Module):
         least, most = (volume * scale**3 / hulls.grid.spacing**3 for volume in (self.least_core, self.most_core))
         lead = self.overtopped * scale / hulls.grid.spacing
         roots = np.full(len(hulls), -1)
-        joined = np.unique(hulls.runs.frame)
+        joined = np.flatnonzero(hulls.inside.any(1))
         for depth in self.depths:
             frames, joined = joined, np.zeros(0, np.int64)
             for f, deep in zip(frames, deep_voxels(hulls, frames, depth * scale), strict=True):
@@ -150,7 +150,7 @@ def _eroded(
 
 def _highest(hulls: VisualHulls, own: Int[np.ndarray, " own"], heights: Num[np.ndarray, " own"]) -> int:
     """The highest of some voxels; of equally high ones, the one nearest to their mean."""
-    top = np.unique(own[heights == heights.max()])  # runs of one voxel come twice
+    top = own[heights == heights.max()]
     places = hulls.voxels[top]
     return int(top[np.argmin(((places - places.mean(0)) ** 2).sum(1))])
 

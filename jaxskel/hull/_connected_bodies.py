@@ -38,7 +38,7 @@ class Bodies:
 
     def voxels_of(self, frame: int) -> Int[np.ndarray, " own"]:
         """Body of each occupied voxel of a frame."""
-        own = slice(*np.searchsorted(self.runs.frame, [frame, frame + 1]))
+        own = self.runs.within(frame)
         return np.repeat(self.body[own], self.runs.length[own])
 
 

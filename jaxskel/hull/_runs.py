@@ -23,9 +23,13 @@ class Runs(NamedTuple):
         """Index of the run's highest voxel."""
         return self.first + self.length - 1
 
+    def within(self, frame: int | np.integer) -> slice:
+        """Where the runs of a frame are."""
+        return slice(*np.searchsorted(self.frame, [int(frame), int(frame) + 1]).tolist())
+
     def of(self, frame: int | np.integer) -> "Runs":
         """The runs of a frame."""
-        own = slice(*np.searchsorted(self.frame, [int(frame), int(frame) + 1]).tolist())
+        own = self.within(frame)
         return Runs(*(array[own] for array in self))
 
     def of_frames(self, frames: Int[np.ndarray, " some"]) -> "Runs":

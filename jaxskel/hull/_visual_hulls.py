@@ -38,7 +38,7 @@ class VisualHulls:
         """Volume of each hull (m^3)."""
         return self.inside.sum(1) * self.grid.spacing**3
 
-    def __getitem__(self, frames: Int[np.ndarray, " some"] | Bool[np.ndarray, " frames"]) -> "VisualHulls":
+    def __getitem__(self, frames: Int[np.ndarray, " some"] | Bool[np.ndarray, " frames"] | slice) -> "VisualHulls":
         """The hulls of some frames."""
         if "runs" not in vars(self):
             return VisualHulls(self.voxels, self.inside[frames], self.grid)

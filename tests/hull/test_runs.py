@@ -53,7 +53,9 @@ def test_where_nothing_is_there_are_no_bodies():
     assert len(bodies.sizes) == len(bodies.runs.frame) == 0
 
 
-@pytest.mark.parametrize("frames", [np.array([3, 0, 3]), np.array([True, False, True, True, False]), np.arange(0)])
+@pytest.mark.parametrize(
+    "frames", [slice(1, 4), np.array([3, 0, 3]), np.array([True, False, True, True, False]), np.arange(0)]
+)
 def test_some_frames_keep_their_runs(frames):
     made = hulls(np.random.default_rng(3).random((5, 6, 5, 9)) < 0.4)
     anew = made[frames]

@@ -88,6 +88,7 @@ class _State(eqx.Module):
     Attributes:
         trial: Unknowns to evaluate next.
         residual: Residual at the last accepted unknowns; the equations are taken there too.
+        idle: Whether the trial promises too little to go on from it.
     """
 
     first: Bool[Array, ""]
@@ -137,8 +138,7 @@ class NormalEquationsLM(optx.AbstractLeastSquaresSolver):
     ) -> tuple[Any, _State, Any]:
         """Evaluate the trial, accept or reject it, and compute the next one."""
         residual, slope, aux = jax.linearize(lambda y: fn(y, args), state.trial, has_aux=True)
-        # Change of half the squared norm, residual by residual: a difference of two sums would be mostly rounding.
-        change = _half_product(_difference(residual, state.residual), jax.tree.map(jnp.add, residual, state.residual))
+        change = _change_of_cost(residual, state.residual)
         nothing = jnp.finfo(change.dtype).eps * _half_product(state.residual, state.residual)
         moved = _difference(state.trial, y)
         hessian = lx.FunctionLinearOperator(state.equations.applied, jax.eval_shape(lambda: y))
@@ -191,13 +191,17 @@ class NormalEquationsLM(optx.AbstractLeastSquaresSolver):
     ) -> tuple[Any, Any, dict[str, Any]]:
         """Take the last step, which was too small to go on from it, if the cost gets lower."""
         residual, _ = fn(state.trial, args)
-        change = _half_product(_difference(residual, state.residual), jax.tree.map(jnp.add, residual, state.residual))
-        lower = state.idle & (change < 0)
+        lower = state.idle & (_change_of_cost(residual, state.residual) < 0)
         return jax.tree.map(lambda last, y: jnp.where(lower, last, y), state.trial, y), aux, {}
 
 
 def _difference(one: Any, other: Any) -> Any:
     return jax.tree.map(jnp.subtract, one, other)
+
+
+def _change_of_cost(after: Any, before: Any) -> Float[Array, ""]:
+    """Change of half the squared norm, residual by residual: a difference of two sums would be mostly rounding."""
+    return _half_product(_difference(after, before), jax.tree.map(jnp.add, after, before))
 
 
 def _half_product(one: Any, other: Any) -> Float[Array, ""]:
