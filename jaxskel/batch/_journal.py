@@ -120,7 +120,7 @@ class Journal:
         track = jax.tree.unflatten(structure, leaves)
         # Numbers that were Python's are so again: JAX compiles anew for others.
         rival = track.rival and replace(track.rival, excess=float(track.rival.excess))
-        return replace(track, since=int(track.since), sides=float(track.sides), rival=rival)
+        return replace(track, since=int(track.since), sides=float(track.sides), rival=rival, calm=bool(track.calm))
 
 
 def row_of(template: SkeletonTemplate) -> np.dtype:

@@ -13,7 +13,7 @@ from ..body import Body, Pose, place_joints
 from ..refinement.terms import Objective, Observed
 from ._cheapest_path import apart, cheapest_path, jump_costs
 from ._facing import left_of, turned_round
-from ._fit import Scales, fit_hypothesis, fit_scales
+from ._fit import Scales, fit_one_of, fit_scales
 from ._hypotheses import Hypotheses, Pool
 from ._model import Model
 from ._track_state import Track, Tracking
@@ -144,7 +144,7 @@ def _follow(
     order: Int[Array | np.ndarray, " frames"],
     stack: Observed,
 ) -> _Way:
-    """Fit each frame, in the given order, from the pose before and from its extrapolation; keep the cheaper result.
+    """Fit each frame, in the given order, from the pose before or from its extrapolation, whichever is cheaper.
 
     One of the poses offered (axes ``frames offers``) replaces it if that is cheaper by more than the first of the
     `margins`, or by more than the second if it faces the other way.
@@ -153,10 +153,8 @@ def _follow(
     def step(past: tuple[Pose, Pose], frame: tuple[Pose, Array, Array]) -> tuple[tuple[Pose, Pose], _Way]:
         (last, before), (offered, offered_cost, number) = past, frame
         seen = stack.of(number)
-        hypotheses = jax.tree.map(lambda *a: jnp.stack(a), last, _onwards(last, before))
-        poses, cost = jax.vmap(lambda pose: fit_hypothesis(body, objective, pose, seen, scales))(hypotheses)
-        best = jnp.argmin(cost)
-        pose, cost = jax.tree.map(lambda a: a[best], (poses, cost))
+        starts = jax.tree.map(lambda *a: jnp.stack(a), last, _onwards(last, before))
+        pose, cost = fit_one_of(body, objective, starts, seen, scales)
         turned = turned_round(left_of(offered), left_of(pose)[None])
         needed = offered_cost + jnp.where(turned, margins[1], margins[0])
         nearest = jnp.argmin(needed)

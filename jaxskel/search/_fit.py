@@ -29,6 +29,8 @@ _AT_ONCE = 8
 _ALONE = (2, 4)
 # A step uses one in this many rays; the final cost uses all.
 _FEW = 6
+# Steps from each of some poses, after which only the cheapest is fitted further.
+_TRIED = 2
 
 # NumPy arrays: a module constant must not start JAX, which would take all cores before a process is assigned one.
 Scales = tuple[Float[Array | np.ndarray, " steps"], Int[Array | np.ndarray, ""]]
@@ -87,15 +89,38 @@ def fit_hypothesis(
 ) -> tuple[Pose, Float[Array, ""]]:
     """Minimise from one hypothesis of one frame; return the pose and its cost, infinite where that is not finite."""
     # The body is put in here, so that the compiler sees that all terms share one, and places it once.
+    objective = objective.of_body(body)
+    pose = _stepped(objective, body, pose, observed.thinned(_FEW), scales[0], 0, scales[1])
+    return pose, _cost(objective, body, pose, observed)
+
+
+def fit_one_of(
+    body: Body, objective: Objective, poses: Pose, observed: Observed, scales: Scales
+) -> tuple[Pose, Float[Array, ""]]:
+    """As `fit_hypothesis` from the better of some poses: the one that is cheapest after the first steps."""
     objective, few = objective.of_body(body), observed.thinned(_FEW)
+    poses = jax.vmap(lambda pose: _stepped(objective, body, pose, few, scales[0], 0, _TRIED))(poses)
+    best = jnp.argmin(jax.vmap(lambda pose: _cost(objective, body, pose, few))(poses))
+    pose = jax.tree.map(lambda a: a[best], poses)
+    pose = _stepped(objective, body, pose, few, scales[0], _TRIED, scales[1])
+    return pose, _cost(objective, body, pose, observed)
+
+
+def _stepped(
+    objective: Objective, body: Body, pose: Pose, few: Observed, scales: Float[Array | np.ndarray, " steps"],
+    first: int, end: Int[Array | np.ndarray, ""] | int,
+) -> Pose:  # fmt: skip
+    """Take some steps from a pose."""
 
     def step(number: Array, pose: Pose) -> Pose:
-        scaled = objective.at_scale(scales[0][number])
-        return descend(scaled, _HINGED, body.skeleton, pose, few)
+        return descend(objective.at_scale(scales[number]), _HINGED, body.skeleton, pose, few)
 
-    pose = jax.lax.fori_loop(0, scales[1], step, pose)
+    return jax.lax.fori_loop(first, end, step, pose)
+
+
+def _cost(objective: Objective, body: Body, pose: Pose, observed: Observed) -> Float[Array, ""]:
     cost = sum(objective.costs(place(body.skeleton, pose), observed).values(), jnp.zeros(()))
-    return pose, jnp.where(jnp.isfinite(cost), cost, jnp.inf)
+    return jnp.where(jnp.isfinite(cost), cost, jnp.inf)
 
 
 @cached_jit

@@ -14,13 +14,14 @@ from .._runtime.batching import on_device
 from .._runtime.steps import Steps
 from ..refinement.terms import Observed
 from ._alternatives import Alternatives, carried, told
-from ._best_track import best_track, follow_scales
+from ._best_track import best_track, follow_scales, places_of
+from ._cheapest_path import apart
 from ._fit import fit_pool
 from ._hypotheses import Hypotheses, Pool, pool_of
 from ._model import Model
 from ._search import cost_threshold
 from ._track import Followed, state_after
-from ._track_state import Ongoing, Searched, Track, Tracking, between_searches
+from ._track_state import Ongoing, Searched, Track, Tracking, between_searches, until_search
 
 # A pose that costs more than this many times what few frames of the subject cost is not followed any further.
 _ASTRAY = 1.5
@@ -66,9 +67,8 @@ def search_in_doubt(
     after, offer = _searched_on(model, offering, begun(followed.track, followed.found, steps), stack, _AT_ONCE)
     if offer is None:
         return Followed(_told(followed.found, after), np.array([after.sides]), after)
-    track = replace(
-        track, since=after.since - 1, sides=after.sides, ongoing=after.ongoing, alternatives=after.alternatives
-    )
+    kept = {name: getattr(after, name) for name in ("sides", "ongoing", "alternatives", "calm")}
+    track = replace(track, since=after.since - 1, **kept)
     return _followed(model, offering, track, stack, offer)
 
 
@@ -79,7 +79,7 @@ def _followed(model: Model, tracking: Tracking, track: Track, stack: Observed, o
     if offer is not None and track.alternatives is not None and eqx.tree_equal(found.best, offer.poses):
         track = replace(track, alternatives=track.alternatives.taken())
     after = state_after(track, found, track.since + 1, track.sides)
-    after = replace(after, ongoing=track.ongoing, alternatives=track.alternatives)
+    after = replace(after, ongoing=track.ongoing, alternatives=track.alternatives, calm=track.calm)
     return Followed(_told(found, after), np.array([track.sides]), after)
 
 
@@ -133,7 +133,7 @@ def doubt_arises(tracking: Tracking, fps: float, track: Track) -> bool:
 
 def search_is_due(tracking: Tracking, fps: float, track: Track) -> bool:
     """Whether a search should begin in the next frame of a stream; one that goes on is not disturbed."""
-    return track.ongoing is None and not track.hurried and track.since + 1 >= between_searches(tracking, fps)
+    return track.ongoing is None and not track.hurried and track.since + 1 >= until_search(tracking, fps, track)
 
 
 def begun(track: Track, found: Hypotheses, steps: Steps[Searched]) -> Track:
@@ -149,14 +149,16 @@ def search_on(model: Model, tracking: Tracking, track: Track, stack: Observed) -
     fitted to the frame of `stack`.
     """
     assert track.ongoing is not None
-    pose, cost = track.ongoing.pose, track.ongoing.cost
+    pose, cost, in_doubt = track.ongoing.pose, track.ongoing.cost, track.ongoing.in_doubt
     try:
         next(track.ongoing.steps)
     except StopIteration as end:
         found: Searched = end.value
     else:
         return track, None
-    track = replace(track, sides=found.sides, ongoing=None)
+    first = jax.tree.map(lambda a: a[:1], found.poses)
+    met = not apart(places_of(model, first), places_of(model, jax.tree.map(lambda a: np.asarray(a)[None], pose)))[0]
+    track = replace(track, sides=found.sides, ongoing=None, calm=met and not in_doubt)
     poses = carried(found.poses, pose, track.last)
     track = replace(track, alternatives=Alternatives(poses, found.cost - np.float32(cost), track.last))
     if found.cost[0] > cost - tracking.margin:

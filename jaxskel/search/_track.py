@@ -13,13 +13,14 @@ from ..body import Pose
 from ..refinement.terms import Observed
 from ._alternatives import Alternatives, Known, latest, no_alternatives, told
 from ._best_track import best_track, last_place, places_of
+from ._cheapest_path import apart
 from ._facing import cheapest_each_way
 from ._fork import Fork, decide
 from ._hypotheses import Hypotheses, Pool, pool_of
 from ._model import Model
 from ._rival_track import forked, rival_after
 from ._search import Search, cost_threshold, solve_frames
-from ._track_state import Track, Tracking, between_searches, last_two, must_be_found
+from ._track_state import Track, Tracking, last_two, must_be_found, until_search
 
 # Number of past costs in the running median.
 _RECENT = 90
@@ -72,10 +73,10 @@ def track_frames(
 ) -> Followed:
     """Estimate the poses of consecutive frames: of up to 32, or of one that arrives by itself.
 
-    A full search runs at regular intervals, in frames that cost more than is usual for the subject, and in frames where
-    a joint moves suspiciously far. From the poses found, the track runs forwards, and other ways if it does not meet
-    all of them, see `best_track`. Where these differ, the path that is cheapest over all frames wins, so the sequence
-    as a whole decides between left and right. A stack of one frame has one way.
+    A full search runs at regular intervals, see `Tracking`, in frames that cost more than is usual for the subject, and
+    in frames where a joint moves suspiciously far. From the poses found, the track runs forwards, and other ways if it
+    does not meet all of them, see `best_track`. Where these differ, the path that is cheapest over all frames wins, so
+    the sequence as a whole decides between left and right. A stack of one frame has one way.
 
     Args:
         model: The subject.
@@ -88,7 +89,7 @@ def track_frames(
         observed: Outlines and silhouettes, with a leading axis ``frames``, see `on_device`.
     """
     count = len(fallback.root)
-    period = between_searches(tracking, fps)
+    period = until_search(tracking, fps, track)
     since = period if track is None else track.since
     searched = np.flatnonzero((np.arange(count) + 1 + since) % period == 0) if period > 1 else np.arange(count)
     if track is None:
@@ -131,7 +132,9 @@ def track_frames(
     search_of = np.maximum.accumulate(np.where(np.isnan(sides), -1, np.arange(count)))
     sides = np.where(search_of >= 0, sides[search_of], 0.5 if track is None else track.sides)
     state = state_after(track, found, (since + count) % period, float(sides[-1]))
-    return Followed(found, sides, replace(state, rival=rival, alternatives=after), fork)
+    met = ~apart(places_of(model, known.found.best), places_of(model, take(found.best, searched)))
+    calm = fork is None and bool(met.all()) and (len(met) > 0 or (track is not None and track.calm))
+    return Followed(found, sides, replace(state, rival=rival, alternatives=after, calm=calm), fork)
 
 
 def _known_before(track: Track | None, found: Hypotheses, count: int) -> Alternatives:

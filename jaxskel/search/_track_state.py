@@ -18,14 +18,17 @@ from ._uncertainty import variance_in_clothes
 _CLOTHES = 0.015
 # Frames per second below which a person may turn round between two frames.
 _TURNING = 8.0
+# Intervals between searches are this many times as long while a track is calm. Nine films of naked people, and six in
+# clothes, had the same joints wrong with 1 and with 2; with 2, 86 frames of a walk took 0.9 times as long to search.
+_CALM = 2
 
 
 class Tracking(eqx.Module):
     """Settings of tracking.
 
     Attributes:
-        interval: Time between two full searches (s): the longest time that the track can follow a pose that another one
-            beats.
+        interval: Time between two full searches (s), twice as long while the track agrees with what they find: for
+            this time it can follow a pose that another one beats.
         steps: Steps of the fit that starts at the pose of the frame before.
         margin: Hysteresis: the cost of a jump to another pose. A single frame makes the track jump only if the other
             pose is cheaper by more than this, several frames if their sum is.
@@ -126,6 +129,7 @@ class Track(eqx.Module):
         hurried: Whether searches are put off in the next frame of a stream, because other frames wait.
         rival: A track that faces the other way and costs little more; None where there is none.
         alternatives: What the latest search found besides; None before the first one.
+        calm: Whether the latest searches found the track's own pose, or one that it took.
     """
 
     last: Pose
@@ -137,11 +141,17 @@ class Track(eqx.Module):
     hurried: bool = eqx.field(static=True, default=False)
     rival: Rival | None = None
     alternatives: Alternatives | None = None
+    calm: bool = False
 
 
 def between_searches(tracking: Tracking, fps: float) -> int:
-    """Frames from one full search to the next."""
+    """Frames from one full search to the next, unless the track is calm."""
     return max(1, round(tracking.interval * fps))
+
+
+def until_search(tracking: Tracking, fps: float, track: Track | None) -> int:
+    """Frames from the latest full search of a track to the next."""
+    return between_searches(tracking, fps) * (_CALM if track is not None and track.calm else 1)
 
 
 def last_two(poses: Pose) -> tuple[Pose, Pose]:

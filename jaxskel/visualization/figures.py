@@ -68,12 +68,12 @@ def plot_stages(recording: Recording, prepared: Prepared, settings: Settings, fr
     stages = stages_of(recording, prepared, settings, frame)
     if stages is None:
         return
-    figure = Figure(figsize=(16, 4.6))
+    figure = Figure(figsize=(16, 4.2))
     FigureCanvasAgg(figure)
-    flat = figure.add_axes((0.005, 0.04, 0.19, 0.86))
+    flat = figure.add_axes((0.0, 0.05, 0.19, 0.79))
     masks = unpack_silhouettes(recording.silhouettes[frame], 8 * recording.silhouettes.shape[3])
     views = [draw_silhouette(_cropped(mask)) for mask in masks[:8] if mask.any()]
-    flat.imshow(tile(views, [""] * len(views), columns=4, width=200)[..., ::-1])
+    flat.imshow(tile(views, [""] * len(views), columns=2, width=200)[..., ::-1])
     flat.set_axis_off()
     flat.set_title("silhouettes")
     points = stages.hull.centres[stages.hull.inside[0]]
@@ -91,7 +91,7 @@ def plot_stages(recording: Recording, prepared: Prepared, settings: Settings, fr
         size = 3 if i == 0 else 0.5
         axes.scatter(*shown.T, c=shade, cmap="gray", vmin=0, vmax=1, s=size, depthshade=False, zorder=1)
         _draw(axes, i, stages)
-        axes.set_box_aspect(high - low, zoom=1.05)  # pyright: ignore[reportArgumentType, reportCallIssue]
+        axes.set_box_aspect(high - low, zoom=1.5)  # pyright: ignore[reportArgumentType, reportCallIssue]
     write_figure(path, figure, dpi=110)
 
 

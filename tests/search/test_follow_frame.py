@@ -52,6 +52,20 @@ def test_a_search_begins_at_intervals_and_once_only(filmed):
     assert must_be_found(lost(track))
 
 
+@pytest.mark.parametrize("in_doubt", [False, True])
+@pytest.mark.parametrize("same", [False, True])
+def test_the_next_search_is_twice_as_far_after_one_that_ended_at_the_tracks_pose(filmed, same, in_doubt):
+    there = some(filmed.truth, 5)
+    ongoing = Ongoing(found_at(there if same else raised_arm(there), 3.0), there, 3.0, in_doubt)
+    track = Track(some(filmed.truth, 6), there, 2, np.full(30, 3.0), 0.5, ongoing, calm=True)
+    stack = on_device(some(filmed.observed, [7]), 1)
+    while track.ongoing is not None:
+        track, _ = search_on(make_model(BODY), Tracking(), track, stack)
+    assert track.calm == (same and not in_doubt)
+    assert search_is_due(Tracking(), FPS, replace(track, since=5)) == (not track.calm)
+    assert search_is_due(Tracking(), FPS, replace(track, since=11))
+
+
 def test_a_search_is_put_off_in_a_hurry(filmed):
     pose = some(filmed.truth, 5)
     track = Track(pose, some(filmed.truth, 4), 0, np.full(30, 3.0), 0.5, Ongoing(found_at(pose, 3.0), pose, 3.0))

@@ -20,6 +20,7 @@ from jaxskel.synthetic import demo_motion
 
 FPS, FRAMES = 24.0, 20
 SEARCH = Search().relative_to(3.0, 4.0)
+TRACKING = Tracking()
 
 
 @pytest.fixture(scope="module")
@@ -28,10 +29,12 @@ def filmed() -> Filmed:
     return film_body(some(demo_motion(ADULT, 120, FPS), np.arange(36, 36 + FRAMES)), FPS)
 
 
-def followed_in(filmed: Filmed, frames: slice, track: Track | None) -> tuple[Hypotheses, Track]:
+def followed_in(
+    filmed: Filmed, frames: slice, track: Track | None, tracking: Tracking = TRACKING
+) -> tuple[Hypotheses, Track]:
     starts, fallback, observed = some((filmed.starts, filmed.fallback, filmed.observed), frames)
     found, sides, track, _ = track_frames(
-        make_model(BODY), SEARCH, Tracking(), FPS, track,
+        make_model(BODY), SEARCH, tracking, FPS, track,
         lambda chosen: Proposed(some(starts, chosen), 0.5 + 0.01 * chosen), fallback, observed,
     )  # fmt: skip
     assert track.sides == sides[-1]
@@ -76,6 +79,39 @@ def test_starts_are_asked_for_only_where_it_is_searched_and_tell_the_sides_until
     _, sides, _, _ = track_frames(make_model(BODY), SEARCH, Tracking(), FPS, track, propose, *given)
     assert asked == [3]  # every sixth frame, and two have gone by
     np.testing.assert_allclose(sides, [0.9] * 3 + [0.63] * 6)
+
+
+def test_a_calm_track_is_searched_in_half_as_often(filmed):
+    asked: list[int] = []
+
+    def propose(chosen: np.ndarray) -> Proposed:
+        asked.extend(chosen.tolist())
+        return Proposed(some(filmed.starts, chosen), np.full(len(chosen), 0.9))
+
+    def followed(frames: slice, track: Track) -> Track:
+        asked.clear()
+        given = some((filmed.fallback, filmed.observed), frames)
+        return track_frames(make_model(BODY), SEARCH, Tracking(), FPS, track, propose, *given).track
+
+    right = some(filmed.truth, 0)
+    unsure = Track(right, right, 0, np.full(30, 3.0))
+    calm = followed(slice(1, 14), unsure)
+    assert asked == [5, 11]  # every sixth frame
+    assert calm.calm
+    assert calm.since == 1
+    again = followed(slice(14, 20), replace(calm, since=8))
+    assert asked == [3]  # the twelfth frame from the latest search on
+    assert again.calm
+
+
+def test_a_track_that_does_not_take_what_a_search_found_is_not_calm(filmed):
+    right = some(filmed.truth, 0)
+    back = Rotation.from_euler("z", 180, degrees=True).as_matrix()
+    wrong = Pose(np.asarray(right.root), back @ np.asarray(right.rotations))
+    stubborn = Tracking(margin=1e6, turn_margin=1e6)
+    track = replace(on_track(filmed, 0, wrong), calm=True)
+    assert not followed_in(filmed, slice(1, 8), track, stubborn)[1].calm
+    assert followed_in(filmed, slice(1, 8), track)[1].calm
 
 
 @pytest.mark.slow
